@@ -20,9 +20,10 @@ from megalopta.core.quantities import number
 from megalopta.report.sections import Section
 from megalopta.sensor import Afterpulsing, AnalogCounter, Crosstalk, Sensor, preset
 from megalopta.sensor.calibrate import counts, crosstalk as estimates
-from megalopta.sensor.calibrate.device import Device, Estimate, calibrate_device
+from megalopta.sensor.calibrate.device import Device, calibrate_device
 from megalopta.sensor.calibrate.emva import Step
 from megalopta.sensor.calibrate.level import Level
+from megalopta.sensor.calibrate.pixels import Estimate
 from megalopta.sensor.calibrate.time_tags import Autocorrelation, fit_table
 from megalopta.sensor.effects import crosstalk
 
@@ -108,77 +109,24 @@ def _filled(values: Floats) -> Floats:
 
 
 def primary(
-    estimate: Estimate, kernel: estimates.Kernel | None, talk: Crosstalk | None = None
+    estimate: Estimate, kernel: estimates.Kernel | None, talk: tuple[Crosstalk, float] | None = None
 ) -> Estimate:
     """Return rates without events of neighbors and traps, which the simulation adds again.
 
-    The crosstalk is `talk`, exact, or that of the kernel, with its afterpulses. The interval
-    includes the error of what is subtracted, which all pixels share.
+    The crosstalk, and the error of its mean, is `talk`, or that of the kernel, with its
+    afterpulses. The interval includes the error of what is subtracted, which all pixels share.
     """
-    value, talk_error = estimate.value, 0.0
+    value = estimate.value
     fired, error = np.zeros_like(value), np.zeros_like(value)
-    if talk is None and kernel is not None:
-        if kernel.are_afterpulses_seen:
-            fired, error = kernel.afterpulses * value, kernel.afterpulses_error * value
-        if kernel.is_seen:
-            talk = _crosstalk_of(kernel)
-            talk_error = kernel.total_error / talk.mean_fired_neighbors
-    if talk is not None:
-        by_light = crosstalk.fired_mean(_filled(value), talk)
-        fired, error = fired + by_light, np.hypot(error, talk_error * by_light)
+    if kernel is not None and kernel.are_afterpulses_seen:
+        fired, error = kernel.afterpulses * value, kernel.afterpulses_error * value
+    if (talk := talk or (kernel and kernel.seen)) is not None:
+        by_light = crosstalk.fired_mean(_filled(value), talk[0])
+        fired = fired + by_light
+        error = np.hypot(error, talk[1] / talk[0].mean_fired_neighbors * by_light)
     below = np.hypot(value - estimate.low, _95 * error)
     above = np.hypot(estimate.high - value, _95 * error)
     return Estimate(value - fired, value - fired - below, value - fired + above)
-
-
-def _crosstalk_of(kernel: estimates.Kernel) -> Crosstalk:
-    shares = np.maximum(kernel.share, 0.0)
-    orthogonal, diagonal, two = (float(shares[at : at + 2].mean()) for at in (0, 2, 4))
-    return Crosstalk(
-        mean_fired_neighbors=min(float(2 * shares.sum()), 0.8),  # each offset in both directions
-        diagonal=min(diagonal / orthogonal, 1.0),
-        distance_two=min(two / orthogonal, 1.0),
-    )
-
-
-def _of_events(
-    device: Device | counts.CountingDevice,
-    source: str,
-    base: Sensor,
-    wavelength_nm: float | None,
-    dead_time: tuple[str, float] | None,
-    talk: Crosstalk | None = None,
-) -> Calibration:
-    """Return dark counts, efficiency, neighbors and a known dead time (kind, s)."""
-    calibration = Calibration(source, {"counter": {}})
-    fields, maps, quantities = calibration.fields, calibration.maps, calibration.quantities
-    kernel, dead_s = device.kernel, base.dead_time.dead_time_s
-    if dead_time is not None:
-        kind, dead_s = dead_time
-        fields["dead_time"] = {"kind": kind, "dead_time_s": dead_s}
-    if device.dark_counts_hz is not None:
-        quantities.append(pages.Quantity("dark counts", "Hz", device.dark_counts_hz, 1.0))
-        maps["dark_counts"] = primary(device.dark_counts_hz, kernel, talk)
-    if (efficiency := device.efficiency) is not None:
-        nominal = float(np.nanmean(efficiency.value))
-        shown = pages.Quantity("efficiency", "of the median", efficiency, 1 / efficiency.median)
-        if wavelength_nm is not None:
-            nominal = float(base.photon_detection_efficiency(np.array(wavelength_nm)))
-            shown = pages.Quantity("efficiency", "%", efficiency, 100.0)
-        quantities.append(shown)
-        maps["efficiency"] = primary(efficiency, kernel, talk).scaled(1 / nominal)
-    if talk is not None:
-        calibration.masks["crosstalk"] = np.array(talk.kernel)
-        fields["crosstalk"] = {"mean_fired_neighbors": talk.mean_fired_neighbors}
-    elif kernel is not None:
-        if kernel.is_seen:
-            fields["crosstalk"] = _crosstalk_of(kernel).model_dump(exclude_defaults=True)
-        if kernel.are_afterpulses_seen:
-            # frames do not show the delay; a shorter one hides them
-            delay_s = max(base.afterpulsing.delay_s, 5.0 * dead_s)
-            carriers = kernel.afterpulses * float(np.exp(dead_s / delay_s))
-            fields["afterpulsing"] = {"mean_carriers": min(carriers, 0.95), "delay_s": delay_s}
-    return calibration
 
 
 _Calibrated = tuple[Calibration, tuple[int, ...], list[tuple[float, Step]]]
@@ -197,53 +145,8 @@ def _of_recorded_codes(sources: Sequence[Source], beam: Beam, sensor: Sensor) ->
         level = Level(recording.codes, source.exposure_s or recording.exposure_s, light_hz)
         levels.append(level)
         steps.append((level.exposure_s, Step.of(light_hz * level.exposure_s, level.signal)))
-    device = calibrate_device(levels, counter)
-    return calibration_of_codes(device, sensor, beam.wavelength_nm), device.hot.shape, steps
-
-
-def calibration_of_codes(device: Device, base: Sensor, wavelength_nm: float | None) -> Calibration:
-    """Return what the file and the page of a SPADCAM hold.
-
-    Without wavelength, efficiency is relative.
-    """
-    kind, dead_time = device.dead_time_kind, None
-    if device.dead_time_s is not None and kind is not None:
-        dead_time = kind, device.dead_time_s.median
-    source = f"calibrated by comb from {len(device.drops.exposure_s)} recordings"
-    calibration = _of_events(device, source, base, wavelength_nm, dead_time)
-    fall, leak, step = device.offset_v, device.leak_v_s, device.step_v
-    offset = Estimate(-fall.value, -fall.high, -fall.low)  # a voltage drop as a rise
-    calibration.maps.update(step=step, leak=leak, offset=offset)
-    calibration.masks["hot"] = device.hot
-    counter = calibration.fields["counter"]
-    counter |= {"step_v": step.median, "step_sigma_v": 0.0}
-    if np.isfinite(leak.value).any():
-        counter |= {"leak_v_s": max(leak.median, 0.0), "leak_sigma_v_s": 0.0}
-    counter["read_noise_v"] = device.read_noise_v.median
-    if device.is_slope_seen:
-        counter["step_slope"] = device.curve.slope
-    quantities = calibration.quantities
-    quantities += [
-        pages.Quantity("step", "mV", step, 1e3),
-        pages.Quantity("offset", "mV", fall, 1e3),
-        pages.Quantity("leak", "mV/s", leak, 1e3),
-        pages.Quantity("read noise", "mV", device.read_noise_v, 1e3),
-    ]
-    known, hot = int(np.isfinite(step.value).sum()), int(device.hot.sum())
-    summary = f"{pages.medians(quantities)}."
-    if device.dead_time_s is not None:
-        dead = pages.Quantity("dead time", "µs", device.dead_time_s, 1e6)
-        fits = f"kind {pages.UNKNOWN}"
-        if kind:
-            fits = f"{kind}: counts are {', '.join(pages.curve_fits(device))}"
-        summary = f"{pages.medians([dead])} ({fits}). {summary}"
-        quantities.append(dead)
-    summary += (
-        f" These are medians of {known} of {device.hot.size} pixels ± 95 % CI of a pixel; {hot} "
-        "are hot."
-    )
-    sections = pages.curves_section(device), pages.neighbors_section(device.kernel)
-    return replace(calibration, summary=summary, sections=sections)
+    device = calibrate_device(levels, counter, sensor.dead_time)
+    return calibration_of(device, sensor, beam.wavelength_nm), device.hot.shape, steps
 
 
 def _of_recorded_counts(sources: Sequence[Source], beam: Beam, sensor: Sensor) -> _Calibrated:
@@ -259,32 +162,53 @@ def _of_recorded_counts(sources: Sequence[Source], beam: Beam, sensor: Sensor) -
             else:
                 level = counts.summed(recorded.counts, *conditions, is_binary=recorded.is_binary)
         levels.append(level)
-        photons = level.light_hz * level.exposure_s
-        steps.append((level.exposure_s, Step(photons, level.mean, level.variance, level.frames)))
+        photons, of = level.light_hz * level.exposure_s, level.of
+        steps.append((level.exposure_s, Step(photons, of.mean, of.variance, of.frames)))
     device = counts.calibrate_counts(levels, sensor.dead_time)
     if device.dark_counts_hz is None and device.efficiency is None:
         raise ValueError(pages.reasons(device))
-    return calibration_of_counts(device, sensor, beam.wavelength_nm), device.bad.shape, steps
+    return calibration_of(device, sensor, beam.wavelength_nm), device.bad.shape, steps
 
 
-def calibration_of_counts(
+def calibration_of(
     device: counts.CountingDevice, base: Sensor, wavelength_nm: float | None
 ) -> Calibration:
-    """Return what the file and the page of a camera of counts or bits hold.
+    """Return what the file and the page of a camera hold.
 
     Without wavelength, efficiency is relative.
     """
-    talk, dead = _crosstalk_of_hot_pixels(device), device.dead_time
-    source, dead_time = "calibrated from recordings of counts or bits", None
-    if dead is not None:
-        dead_time = dead.kind, dead.seconds
-    calibration = _of_events(device, source, base, wavelength_nm, dead_time, talk)
+    talk, kernel = _crosstalk_of_hot_pixels(device), device.kernel
+    calibration = Calibration("calibrated from recordings of counts or bits", {"counter": {}})
     fields, maps, masks = calibration.fields, calibration.maps, calibration.masks
-    fields["counter"]["kind"] = "digital"
-    if device.capacity is not None:
-        fields["counter"]["capacity"] = device.capacity
+    quantities, dead_time = calibration.quantities, base.dead_time
+    if device.dead_time is not None:
+        dead_time = device.dead_time.recovery.dead_time
+        fields["dead_time"] = dead_time.model_dump(exclude_defaults=True)
+    if (dark := device.dark_counts_hz) is not None:
+        quantities.append(pages.Quantity("dark counts", "Hz", dark, 1.0))
+        maps["dark_counts"] = primary(dark, kernel, talk)
+    if (efficiency := device.efficiency) is not None:
+        nominal = float(np.nanmean(efficiency.value))
+        shown = pages.Quantity("efficiency", "of the median", efficiency, 1 / efficiency.median)
+        if wavelength_nm is not None:
+            nominal = float(base.photon_detection_efficiency(np.array(wavelength_nm)))
+            shown = pages.Quantity("efficiency", "%", efficiency, 100.0)
+        quantities.append(shown)
+        maps["efficiency"] = primary(efficiency, kernel, talk).scaled(1 / nominal)
     for name, rates in maps.items():  # dead pixels count nothing, other bad ones are unknown
         maps[name] = rates.where(~device.stuck & ~device.saturated).where(~device.dead, 0.0)
+    if kernel is not None and kernel.are_afterpulses_seen:
+        # without dead time frames do not show the delay; a shorter one hides them
+        dead_s = dead_time.dead_time_s
+        delay_s = max(base.afterpulsing.delay_s, 5.0 * dead_s)
+        if device.dead_time is not None and device.dead_time.recovery.fired:
+            delay_s = device.dead_time.recovery.delay_s
+        carriers = kernel.afterpulses * float(np.exp(dead_s / delay_s))
+        fields["afterpulsing"] = {"mean_carriers": min(carriers, 0.95), "delay_s": delay_s}
+    if (fired := talk or (kernel and kernel.seen)) is not None:
+        fields["crosstalk"] = fired[0].model_dump(exclude_defaults=True, exclude={"kernel"})
+        if fired[0].kernel:
+            masks["crosstalk"] = np.array(fired[0].kernel)
     masks |= {"bad": device.bad, "hot": device.hot}
     if (switching := device.telegraph) is not None:  # its traps add the rest of the dark counts
         at, dark = switching.pixels, maps["dark_counts"]
@@ -298,21 +222,52 @@ def calibration_of_counts(
         fields["telegraph"] = {"share": float(at.mean()), "step": step, **times}
     if (device.reading >= 0).any():
         masks["stuck"] = device.reading
-    summary, sections = pages.counting_parts(device, calibration.quantities, talk)
+    if isinstance(device, Device):
+        calibration = _with_comb(calibration, device)
+    else:
+        fields["counter"]["kind"] = "digital"
+        if device.capacity is not None:
+            fields["counter"]["capacity"] = device.capacity
+    summary, sections = pages.parts(device, quantities, talk)
     return replace(calibration, summary=summary, sections=sections)
 
 
-def _crosstalk_of_hot_pixels(device: counts.CountingDevice) -> Crosstalk | None:
-    """Crosstalk of hot pixels; None for bits, which the sensor draws without crosstalk."""
-    dark = device.dark_counts_hz
-    if dark is None or device.capacity == 1 or dark.value.size < estimates.FEWEST_PIXELS:
+def _with_comb(calibration: Calibration, device: Device) -> Calibration:
+    """Add the parameters of an analog counter."""
+    fall, leak, step = device.offset_v, device.leak_v_s, device.step_v
+    offset = Estimate(-fall.value, -fall.high, -fall.low)  # a voltage drop as a rise
+    calibration.maps.update(step=step, leak=leak, offset=offset)
+    counter = calibration.fields["counter"]
+    counter |= {"step_v": step.median, "step_sigma_v": 0.0}
+    if np.isfinite(leak.value).any():
+        counter |= {"leak_v_s": max(leak.median, 0.0), "leak_sigma_v_s": 0.0}
+    counter["read_noise_v"] = device.read_noise_v.median
+    if device.is_slope_seen:
+        counter["step_slope"] = device.curve.slope
+    calibration.quantities.extend((
+        pages.Quantity("step", "mV", step, 1e3),
+        pages.Quantity("offset", "mV", fall, 1e3),
+        pages.Quantity("leak", "mV/s", leak, 1e3),
+        pages.Quantity("read noise", "mV", device.read_noise_v, 1e3),
+    ))  # fmt: skip
+    source = f"calibrated by comb from {len(device.drops.exposure_s)} recordings"
+    return replace(calibration, source=source)
+
+
+def _crosstalk_of_hot_pixels(device: counts.CountingDevice) -> tuple[Crosstalk, float] | None:
+    """Crosstalk of hot pixels, and the error of its mean, where coincidences are less precise."""
+    dark, kernel = device.dark_counts_hz, device.kernel
+    if dark is None or dark.value.size < estimates.FEWEST_PIXELS:
         return None
     rates = np.where(device.bad, np.nan, dark.value)
     try:
-        talk = estimates.kernel_of(estimates.crosstalk_of_hot_pixels(rates))
+        talk, error = estimates.kernel_of(estimates.crosstalk_of_hot_pixels(rates))
     except ValueError:  # too many bad pixels
         return None
-    return talk if talk.is_on else None
+    if not talk.is_on or (kernel is not None and float(kernel.error.mean()) < error):
+        return None
+    places = (np.array(talk.kernel) > 0).sum() / estimates.PERIOD**2
+    return talk, error * float(np.sqrt(places))
 
 
 def write_array_device(path: Path, tables: Sequence[Measurement], base: str, source: str) -> str:
@@ -336,8 +291,8 @@ def write_array_device(path: Path, tables: Sequence[Measurement], base: str, sou
         if effect.is_on:
             fields[name] = effect.model_dump(mode="json", exclude_defaults=True)
     summary = (
-        f"{rates.size} pixels, {int(np.isnan(rates).sum())} unknown; dark counts "
-        f"{number(float(np.nanmedian(rates)))} Hz (median), crosstalk "
+        f"{rates.size} pixel{'s' * (rates.size > 1)}, {int(np.isnan(rates).sum())} unknown; "
+        f"dark counts {number(float(np.nanmedian(rates)))} Hz (median), crosstalk "
         f"{number(100 * talk.mean_fired_neighbors)} %, afterpulses "
         f"{number(100 * pulses.mean_carriers)} %"
     )

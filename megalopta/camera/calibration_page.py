@@ -8,15 +8,17 @@ import numpy as np
 from markupsafe import Markup
 from matplotlib.ticker import NullFormatter
 
-from megalopta.core.quantities import UNDEFINED, number, percent, with_error
+from megalopta.core.quantities import UNDEFINED, between, percent, with_error
 from megalopta.report import style
 from megalopta.report.sections import Section, captioned, folded, paragraph, table, write_sections
 from megalopta.report.style import BLACK, BLUE, VERMILION, line_style
 from megalopta.sensor import Crosstalk, Sensor, changed, load_sensor
-from megalopta.sensor.calibrate import crosstalk as estimates, emva as standard, saturation
+from megalopta.sensor.calibrate import crosstalk as estimates, emva as standard
 from megalopta.sensor.calibrate.counts import CountingDevice
-from megalopta.sensor.calibrate.device import Device, Estimate
+from megalopta.sensor.calibrate.device import Device
 from megalopta.sensor.calibrate.emva import Step
+from megalopta.sensor.calibrate.pixels import Estimate
+from megalopta.sensor.calibrate.recovery import KINDS, DeadTimeEstimate, Recovery
 
 UNKNOWN = "not known"
 _PIXELS = (
@@ -33,8 +35,9 @@ _SATURATION = (
 )
 _NEIGHBORS = (
     "Probability that an event fires a neighbor, from coincidences in the dark; afterpulses within "
-    "the exposure, from the variance of dark counts, which read noise may hide. Effects above "
-    "three standard errors are in the device file; the delay is assumed to be five dead times."
+    "the exposure, from the variance of counts, which read noise may hide. Effects above three "
+    "standard errors are in the device file, crosstalk by direction and parity of rows and columns "
+    "where that differs. Without a fit of the dead time, the delay is assumed to be five of it."
 )
 _MAPS = (
     "Grain: scatter of pixels and of their estimates. Gradients: nonuniform light (efficiency) or "
@@ -42,8 +45,13 @@ _MAPS = (
 )
 _BAD = (
     "Dead: no counts under light; stuck: one reading in all frames; saturated: at the counter's "
-    "end in every recording; these are in bad.npy, readings that do not change in stuck.npy. Hot: "
-    "significantly above ten times the median dark counts; telegraph: two rates of dark counts."
+    "end in every recording, or codes without a comb; these are in bad.npy, readings that do not "
+    "change in stuck.npy. Hot: significantly above ten times the median dark counts; telegraph: "
+    "two rates of dark counts."
+)
+_FITS = (
+    "Deviation of the levels from the curve, pooled over pixels: counts over light and exposure, "
+    "rates over light, rates over exposures in the dark. p is the chance of a larger one."
 )
 _TITLE = "EMVA 1288"
 _TEXT = (
@@ -88,7 +96,7 @@ def write_page(
             rows.append((quantity.name, UNKNOWN, UNDEFINED))
             continue
         low, high = np.nanpercentile(values, (5, 95))
-        rows.append((quantity.name, quantity.text, f"{number(low)} to {number(high)}"))
+        rows.append((quantity.name, quantity.text, between(low, high, quantity.unit)))
         charts.append(style.map_chart(values, f"map-{len(rows)}", title))
     head = ("", "median ± 95 % CI of a pixel", "90 % of the pixels")
     body = folded("Values", table("The pixels", head, rows), paragraph(_PIXELS, "note"))
@@ -98,29 +106,24 @@ def write_page(
     )
 
 
-def neighbors_section(
-    kernel: estimates.Kernel | None, of_hot_pixels: float = 0.0
+def _neighbors_section(
+    kernel: estimates.Kernel | None, of_hot_pixels: tuple[Crosstalk, float] | None
 ) -> Section | None:
-    """Return crosstalk to all neighbors by coincidences and by hot pixels (%), and afterpulses."""
+    """Return crosstalk to all neighbors by coincidences and by hot pixels, and afterpulses."""
     rows = []
     if kernel is not None:
-        pulses = kernel.afterpulses, kernel.afterpulses_error
-        for name, share, error, is_seen in (
-            ("neighbors", 2 * kernel.share.sum(), kernel.total_error, kernel.is_seen),
-            ("afterpulses", *pulses, kernel.are_afterpulses_seen),
-        ):
-            text = UNKNOWN if np.isnan(share) else with_error(100 * share, 196 * error, "%")
-            rows.append((name, text, "yes" if is_seen else "no"))
+        value = _fired(kernel.seen) if kernel.seen else f"below {percent(kernel.limit)} each"
+        rows.append(("neighbors", value, "yes" if kernel.seen else "no"))
+        text = with_error(100 * kernel.afterpulses, 196 * kernel.afterpulses_error, "%")
+        rows.append(("afterpulses", text, "yes" if kernel.are_afterpulses_seen else "no"))
     if of_hot_pixels:
-        rows.append(("neighbors of hot pixels", with_error(of_hot_pixels, 0, "%"), "yes"))
+        rows.append(("neighbors of hot pixels", _fired(of_hot_pixels), "yes"))
     head = ("", "probability (95 % CI)", "detected")
     return Section("Crosstalk and afterpulses", _NEIGHBORS, head, tuple(rows)) if rows else None
 
 
-def medians(quantities: Sequence[Quantity]) -> str:
-    """Return the medians in a line."""
-    text = ", ".join(f"{quantity.name} {quantity.text}" for quantity in quantities)
-    return f"{text[:1].upper()}{text[1:]}"
+def _fired(talk: tuple[Crosstalk, float]) -> str:
+    return with_error(100 * talk[0].mean_fired_neighbors, 196 * talk[1], "%")
 
 
 def reasons(device: CountingDevice) -> str:
@@ -128,68 +131,71 @@ def reasons(device: CountingDevice) -> str:
     return "; ".join(f"{name}: {reason}" for name, reason in device.refused.items())
 
 
-def counting_parts(
-    device: CountingDevice, quantities: Sequence[Quantity], talk: Crosstalk | None
+def parts(
+    device: CountingDevice, quantities: Sequence[Quantity], talk: tuple[Crosstalk, float] | None
 ) -> tuple[str, list[Section | None]]:
-    """Return the summary and the sections of a camera of counts or bits."""
+    """Return the summary and the sections of a camera."""
     switching = device.telegraph.pixels.sum() if device.telegraph else 0
-    summary = medians(quantities)
+    summary = ", ".join(f"{quantity.name} {quantity.text}" for quantity in quantities)
+    summary = f"{summary[:1].upper()}{summary[1:]}"
     if (dead := device.dead_time) is not None:
-        kind = dead.kind if dead.is_kind_clear else f"kind undetermined, taken as {dead.kind}"
-        dead_time = with_error(dead.seconds, 1.96 * dead.error, "s")
-        summary += f", dead time {dead_time} ({kind})"
+        kind = f"{'' if dead.is_kind_clear else 'kind undetermined, taken as '}{dead.recovery.kind}"
+        dead_time = with_error(dead.recovery.dead_s, 1.96 * dead.error_s, "s")
+        summary += f", dead time {dead_time} ({kind}{_recovers(dead)})"
+    if (kernel := device.kernel) is not None and kernel.seen:
+        differs = " by direction or parity of lines" if kernel.crosstalk.kernel else ""
+        summary += f", crosstalk {_fired(kernel.seen)}{differs}"
+    elif kernel is not None and not talk:
+        summary += f", crosstalk below {percent(kernel.limit)} per edge neighbor (95 %)"
     summary += (
         f". These are medians of {device.bad.size} pixels ± 95 % CI of a pixel; {device.bad.sum()} "
         f"pixels are bad, {device.hot.sum()} hot{f', {switching} telegraph' if switching else ''}."
     )
     if device.refused:
         summary += f" Not known: {reasons(device)}."
+    summary += "".join(
+        f" {name.capitalize()}: {misfit}, so intervals do not hold."
+        for name, misfit in device.fits.items()
+        if misfit.is_clear and name not in device.refused
+    )
     kinds = ("dead", "stuck", "saturated", "hot")
     counted = [(kind, str(getattr(device, kind).sum())) for kind in kinds]
     bad = (*counted, ("telegraph", str(switching)))
-    hot_percent = 100 * talk.mean_fired_neighbors if talk else 0.0
     found = Section("Bad and hot pixels", _BAD, ("", "pixels"), bad)
-    return summary, [found, neighbors_section(device.kernel, hot_percent)]
+    fits = tuple((name, str(misfit)) for name, misfit in device.fits.items())
+    curves = Section(
+        "Goodness of fit", _FITS, ("curve", "all pixels together"), fits, are_words=True
+    )
+    comb = _comb_section(device) if isinstance(device, Device) else None
+    return summary, [comb, found, curves, _neighbors_section(device.kernel, talk)]
 
 
-def curves_section(device: Device) -> Section:
-    """Return photon transfer, and under light the saturation curve, with what they determine."""
+def _recovers(dead: DeadTimeEstimate) -> str:
+    """Return what follows the dead time, and what frames do not exclude."""
+    text, most = "", []
+    for name, word in (("recharge_s", "recharging"), ("twilight_s", "twilight")):
+        if seconds := getattr(dead.recovery, name):
+            text += f", {word} {with_error(seconds, 0, 's')}"
+        if (limit_s := dead.slow_limits.get(name, np.inf)) < dead.recovery.dead_s:
+            most.append(f"{word} up to {with_error(limit_s, 0, 's')}")
+    if dead.delays_s is not None:
+        text += f"; afterpulses after {between(*dead.delays_s, 's')} (95 % CI)"
+    if most:
+        text += f"; not excluded: {' or '.join(most)}"
+    return text
+
+
+def _comb_section(device: Device) -> Section:
+    """Return photon transfer, and the saturation curve if there is light, with what they tell."""
     decrease = with_error(100 * device.curve.slope, 196 * device.slope_error, "%")
     seen = "changes" if device.is_slope_seen else "no change seen"
     known = f"{decrease} (95 % CI; {seen})" if np.isfinite(device.slope_error) else UNKNOWN
     text = f"Decrease of the step from top to bottom of the swing: {known}."
-    if device.misfit:
-        share = f"{100 * device.misfit:+.2g} %"
-        text += f" Counts differ from the curves of both kinds of dead time by {share}."
-    elif device.dead_time_kind is None:
-        text += f" Kind of dead time: {UNKNOWN}; record brighter light."
     charts = [captioned(_drops_chart(device), _DROPS)]
-    if device.efficiency is not None and device.dead_time_s is not None:
-        chart = _saturation_chart(device, device.efficiency, device.dead_time_s)
+    if device.efficiency is not None and device.dead_time is not None:
+        chart = _saturation_chart(device, device.efficiency.median, device.dead_time.recovery)
         charts.append(captioned(chart, _SATURATION))
     return Section("Photon transfer and saturation", text, charts=tuple(charts))
-
-
-def curve_fits(device: Device) -> list[str]:
-    """Return how far counts are from each curve: "within 0.2 % of the paralyzable curve".
-
-    It is the largest deviation of a light's counts over all pixels, at the fitted dead time.
-    """
-    if device.efficiency is None or device.dead_time_s is None:
-        return []
-    lit = device.counts.light_hz > 0
-    light_hz, exposure_s = device.counts.light_hz[lit, None], device.counts.exposure_s[lit, None]
-    rates = (device.dark_counts_hz, device.efficiency, device.dead_time_s)
-    dark_hz, efficiency, dead_s = (rate.value.ravel() for rate in rates)
-    known = np.isfinite(dark_hz + efficiency + dead_s) & (device.drops.frames[lit] > 0)
-    texts = []
-    for kind in sorted(saturation.KINDS, key=lambda kind: kind != device.dead_time_kind):
-        rate_hz = np.where(known, dark_hz + efficiency * light_hz, 0.0)
-        dead = np.where(known, dead_s, 0.0)
-        model = saturation.dead_time_moments(rate_hz, exposure_s, dead, kind)[0].sum(axis=1)
-        measured = np.where(known, device.counts.mean[lit], 0).sum(axis=1)
-        texts.append(f"within {percent(abs(measured / model - 1).max())} of the {kind} curve")
-    return texts
 
 
 @style.in_style
@@ -197,7 +203,7 @@ def _drops_chart(device: Device) -> Markup:
     """Draw variance over mean voltage drop, all pixels at all levels, with the line of the step."""
     figure, axes = style.new_axes(*style.CHART_PT)
     used = device.drops.frames > 0
-    dark = (device.counts.light_hz == 0)[:, None] & used
+    dark = (device.drops.light_hz == 0)[:, None] & used
     mean, variance = 1e3 * device.drops.mean_v, 1e6 * device.drops.variance_v2
     for chosen, color, label in ((dark, BLACK, "dark"), (used & ~dark, BLUE, "light")):
         axes.plot(mean[chosen], variance[chosen], ".", color=color, markersize=2, label=label)
@@ -210,20 +216,21 @@ def _drops_chart(device: Device) -> Markup:
 
 
 @style.in_style
-def _saturation_chart(device: Device, efficiency: Estimate, dead_time_s: Estimate) -> Markup:
+def _saturation_chart(device: Device, efficiency: float, recovery: Recovery) -> Markup:
     """Draw counts over light at the median pixel, with both models and the line without loss."""
     figure, axes = style.new_axes(*style.CHART_PT)
-    lit = device.counts.light_hz > 0
-    light, exposure = device.counts.light_hz[lit], device.counts.exposure_s[lit]
-    mean = np.where(device.drops.frames[lit] > 0, device.counts.mean[lit], np.nan)
-    axes.plot(light, np.nanmedian(mean, axis=1) / exposure, "o", color=BLACK, label="measured")
+    lit = device.drops.light_hz > 0
+    light, exposure_s = device.drops.light_hz[lit], device.drops.exposure_s[lit]
+    counts = np.nanmedian(device.mean_events[lit], axis=1)
+    axes.plot(light, counts / exposure_s, "o", color=BLACK, label="measured")
     grid = np.geomspace(light.min(), 1.5 * light.max(), 100)
-    rate = device.dark_counts_hz.median + efficiency.median * grid
+    dark = device.dark_counts_hz
+    rate = (dark.median if dark else 0.0) + efficiency * grid
     axes.plot(grid, rate, ":", color=BLACK, linewidth=1, label="without dead time")
-    tau = np.full(rate.shape, dead_time_s.median)
-    for place, kind in enumerate(saturation.KINDS):
-        counted = saturation.dead_time_moments(rate, exposure.max(), tau, kind)[0]
-        axes.plot(grid, counted / exposure.max(), **line_style(place), label=kind)
+    longest_s = float(exposure_s.max())
+    for place, kind in enumerate(KINDS):
+        counted = recovery._replace(kind=kind).moments(rate, longest_s)[0]
+        axes.plot(grid, counted / longest_s, **line_style(place), label=kind)
     axes.set(xscale="log", yscale="log", xlabel="light (photons/s per pixel)", ylabel="counts/s")
     axes.xaxis.set_minor_formatter(NullFormatter())
     return style.with_legend(figure, "saturation", "Saturation curve: counts over light")

@@ -21,7 +21,7 @@ from megalopta.core.progress import step
 from megalopta.report.sections import write_sections
 from megalopta.sensor import IMAGE_SENSORS, AnalogCounter, Sensor, changed, load_sensor
 from megalopta.sensor.calibrate.level import Level
-from megalopta.sensor.compare.model import Model, level_of_codes
+from megalopta.sensor.compare.model import Model, level_of_codes, one_by_one
 from megalopta.sensor.compare.recordings import MARGIN, compare_recordings
 from megalopta.sensor.compare.two_sample import difference, scene_differences
 from megalopta.sensor.spad.device import draw_fixed_pattern
@@ -61,12 +61,18 @@ def compare_captured(
         if any(source.sums for source in sources):
             raise UserError("compare: sums of binary frames; give frames as they were recorded")
         captured: list[Level] = []
+        note = ""
         for source in sources:
             light = source.light
             if settings.scene == "levels":
                 light = settings.beam.photons_hz(light, sensor)
             with step(f"reading {source.path.name}"):
-                captured.append(captured_frames(read_recorded(source), sensor, light))
+                frames = captured_frames(read_recorded(source), sensor, light)
+            first = len(one_by_one(frames).readings)
+            if settings.scene == "levels" and len(frames.readings) > first:
+                many = len(frames.readings)
+                note = f" Of {many} frames, the first {first} are compared one by one."
+            captured.append(frames)
     with refused_as("compare"), step("simulating the same stimulus, and comparing"):
         if settings.scene == "levels":
             page = pages.levels_page(sensor.name, _compare_levels(captured, sensor, settings))
@@ -83,10 +89,11 @@ def compare_captured(
             if len(captured) != 1:
                 raise UserError(f"{len(sources)} recordings of {dataset}; give one at a time")
             lux = captured[0].light_hz
-            cycle, frames = rendered(sensor, dataset, lux or None), replace(captured[0], light_hz=1)
-            page = pages.scene_page(dataset.name, _compare_scene(frames, cycle, sensor, settings))
-    write_sections(out, *page)
-    return page[1]
+            cycle, scene = rendered(sensor, dataset, lux or None), replace(captured[0], light_hz=1)
+            page = pages.scene_page(dataset.name, _compare_scene(scene, cycle, sensor, settings))
+    title, sentence, sections = page
+    write_sections(out, title, sentence + note, sections)
+    return sentence + note
 
 
 def captured_frames(recorded: RecordingFrames, device: Sensor, light_hz: float) -> Level:
@@ -131,7 +138,8 @@ def _compared(
     comparison = compare_recordings(
         captured, simulated, model, margin=settings.margin, errors=errors, is_scene=bool(stimulus)
     )
-    return pages.Compared(captured, simulated, comparison)
+    shown = captured if stimulus else [one_by_one(level) for level in captured]
+    return pages.Compared(shown, simulated, comparison)
 
 
 def _errors(device: Sensor, rates: Floats) -> Floats:

@@ -37,6 +37,14 @@ _DARK = (
     "Distribution of dark counts over pixels. A horizontal shift is a difference in temperature "
     "or excess bias; a difference at the end only is one of hot pixels."
 )
+_LEFT = (
+    "No known cause explains this. A pattern in the map is one of rows, columns or light; a course "
+    "or a line in time is one of the light, the clock or the readout."
+)
+_SPECTRUM = (
+    "1: frames that are independent. A line is periodic; a rise to the left is slow, as lag, "
+    "telegraph noise or a drift of single pixels."
+)
 _MOST_POINTS = 2000
 """Most points in a picture; of a larger array, evenly spaced pixels."""
 _STYLES: tuple[dict[str, Any], ...] = (
@@ -99,7 +107,46 @@ def levels_page(name: str, compared: Compared) -> Page:
         for level in compared.captured
     ]
     title = f"{name}: captured and simulated"
-    return title, comparison.sentence, [device, *_pixels(compared, lights), faults]
+    left = [_left(compared)] if comparison.left else []
+    return title, comparison.sentence, [*left, device, *_pixels(compared, lights), faults]
+
+
+def _left(compared: Compared) -> Section:
+    """Return what nothing explains: the largest statistics, and a picture of the first."""
+    left = sorted(compared.comparison.left, key=lambda one: -one.z)[:8]
+    rows = [(one.name, str(one.level), f"{one.z:.0f}") for one in left]
+    lights = [(level.light_hz, level.exposure_s) for level in compared.captured]
+    at = lights.index((left[0].level.light_hz, left[0].level.exposure_s))
+    captured, simulated = compared.captured[at], compared.simulated[at]
+    maps = [np.asarray(level.signal.mean(axis=0)) for level in (captured, simulated)]
+    spread = np.sqrt(
+        sum(
+            np.asarray(level.signal.var(axis=0)) / len(level.signal)
+            for level in (captured, simulated)
+        )
+    )
+    z, ends = (maps[0] - maps[1]) / np.maximum(spread, 1e-9), (-_LARGEST_Z, _LARGEST_Z)
+    title = "mean, captured minus simulated (standard errors)"
+    charts = (
+        captioned(style.map_chart(z, "left-map", title, ends, "PuOr"), f"At {captured}."),
+        captioned(_time_chart(captured, simulated, "left-time"), "Means of frames, in time."),
+        captioned(_spectrum_chart(captured, simulated), _SPECTRUM),
+    )
+    head = ("what differs beyond the named causes", "recording", "standard errors")
+    return Section("What is left", _LEFT, charts=charts, body=table("Largest first", head, rows))
+
+
+@style.in_style
+def _spectrum_chart(captured: Level, simulated: Level) -> Markup:
+    """Draw the mean spectrum of pixels, relative to independent frames."""
+    figure, axes = style.new_axes(*style.CHART_PT)
+    for level, line in zip((captured, simulated), _STYLES, strict=True):
+        frames = _thinned(level.signal.reshape(len(level.signal), -1).T).T
+        z = (frames - frames.mean(axis=0)) / np.maximum(frames.std(axis=0), 1e-9)
+        power = np.square(np.abs(np.fft.rfft(z, axis=0)[1:])).mean(axis=1) / len(z)
+        axes.plot(np.arange(1, len(power) + 1) / len(z), power, **line | {"marker": ""})
+    axes.set(yscale="log", xlabel="cycles per frame", ylabel="mean power of pixels")
+    return style.with_legend(figure, "left-spectrum", "Mean spectrum of pixels in time")
 
 
 def scene_page(name: str, compared: Compared) -> Page:
@@ -251,14 +298,14 @@ def _dark_chart(captured: Level, simulated: Level) -> Markup:
 
 
 @style.in_style
-def _time_chart(captured: Level, simulated: Level) -> Markup:
+def _time_chart(captured: Level, simulated: Level, name: str = "time") -> Markup:
     figure, axes = style.new_axes(1.5 * style.CHART_PT[0], 0.8 * style.CHART_PT[1])
     for frames, line in zip((captured, simulated), _STYLES, strict=True):
         means = frames.readings[:200].mean(axis=(1, 2))
         axes.plot(means, **line | {"marker": ""})
     axes.set(xlabel="frame", ylabel="mean counts")
     outside = {"loc": "lower right", "bbox_to_anchor": (1, 1), "ncols": 2}
-    return style.with_legend(figure, "time", "Mean counts of frames", **outside)
+    return style.with_legend(figure, name, "Mean counts of frames", **outside)
 
 
 @style.in_style

@@ -90,8 +90,8 @@ def _map(rates: Floats | None) -> Floats:
         raise ValueError("no array (rows, columns) of plain numbers")
     rates = rates.astype(np.float64)
     known = rates[np.isfinite(rates)]
-    if known.size < 2 * _FEWEST or known.min() < 0:
-        raise ValueError(f"{known.size} rates, of which {2 * _FEWEST} are needed, none negative")
+    if not known.size or known.min() < 0:
+        raise ValueError("rates are negative, or none is known")
     return rates
 
 
@@ -114,6 +114,6 @@ def _autocorrelation(rows: Sequence[Sequence[str]]) -> Autocorrelation:
     lags = [[float(end) for end in text.split("-")] for text in rows[0][2:]]
     edges = np.array([*(lag[0] for lag in lags), lags[-1][1]]) * 1e-9
     table = np.array([[float(cell) for cell in row] for row in rows[1:]], ndmin=2)
-    if (np.diff(edges) <= 0).any() or len(table) < _FEWEST or not (table[:, 0] > 0).all():
+    if (np.diff(edges) <= 0).any() or not (table[:, 0] > 0).all():
         raise ValueError(f"{len(table)} pixels with events, or lags that do not increase")
     return Autocorrelation(edges, table[:, 2:], table[:, 0])

@@ -89,13 +89,13 @@ class CombFit(NamedTuple):
     """(P,) read noise and rounding together."""
     counts: Floats
     """(levels, P) sum of events over all frames; 0 where the level is not used."""
+    squares: Floats
+    """(levels, P) sum of their squares."""
     readings: Floats
     """(P,) number of readings behind the noise."""
     curve: Curve
     slope_error: float
     """Standard error of the slope; infinite if it is not determined and taken as 0."""
-    is_clear: bool
-    """True if no reading is between two peaks."""
 
 
 def comb_period(drops: Drops, typical_v: float, within: float) -> tuple[Floats, Floats]:
@@ -213,9 +213,10 @@ def fit_comb(drops: Drops, step_v: Floats, offset_v: Floats, swing_v: float) -> 
             if np.median(np.abs(state.solution - before) / scale) < 1e-8:
                 break
         weights, numbers = _posterior(drops, state)
-    counts = np.zeros_like(drops.mean_v)
-    expected = (weights * numbers).sum(axis=0) * drops.times
-    np.add.at(counts, (drops.level, drops.pixel), expected)
+    counts, squares = np.zeros((2, *drops.mean_v.shape))
+    for power, sums in ((1, counts), (2, squares)):
+        expected = (weights * numbers**power).sum(axis=0) * drops.times
+        np.add.at(sums, (drops.level, drops.pixel), expected)
     used = weights * (numbers >= drops.is_cut)
     # the inverse of the observed information plus the share of the slope's error
     columns = state.columns(drops, numbers)
@@ -237,8 +238,8 @@ def fit_comb(drops: Drops, step_v: Floats, offset_v: Floats, swing_v: float) -> 
         moved = state.slope_error * _solved(complete[:, :3, :3], complete[:, :3, 3])
         covariance = covariance + moved[:, :, None] * moved[:, None, :]
     return CombFit(
-        state.solution, covariance, state.noise, counts, drops.sums(used), state.curve,
-        state.slope_error, is_clear,
+        state.solution, covariance, state.noise, counts, squares, drops.sums(used), state.curve,
+        state.slope_error,
     )  # fmt: skip
 
 

@@ -89,7 +89,7 @@ def response_curve(sensor: Sensor | FrameSensor) -> ResponseCurve:
         rates_hz = np.broadcast_to(arrivals[:, None, None] / even.exposure_s, (401, 16, 16))
         mean, variance = np.mean(moments.reading_moments(rates_hz, even), axis=(2, 3))
         return _rising(sensor.name, arrivals, mean, variance)
-    if sensor.counter.capacity == 1:
+    if sensor.largest == 1:
         raise ValueError(
             f"sensor {sensor.name!r}: one event saturates its counter; nothing can be corrected"
         )
@@ -101,7 +101,7 @@ def response_curve(sensor: Sensor | FrameSensor) -> ResponseCurve:
     plain = sensor.model_copy(update={"measured": MeasuredMaps()})
     plain = changed(without(plain, "dark_counts"), **alike)
     # arrivals beyond which readings no longer rise, due to the counter or the dead time
-    most = min(4.0 * plain.counter.capacity, MOST_ARRIVALS / 2)
+    most = min(4.0 * plain.largest, MOST_ARRIVALS / 2)
     if plain.dead_time.kind != "ideal" and plain.dead_time.dead_time_s:
         most = min(most, 20 * plain.exposure_s / plain.dead_time.dead_time_s)
     # neighbors matter only with crosstalk

@@ -8,7 +8,10 @@
 for mean counts m. Pairs of one offset and its opposite give C(δ)/m, less that of distant pixels
 (temperature, stray light), solved for k over offsets up to two pixels. Variance beyond that of
 crosstalk is due to afterpulses. With a mean number p of them, all within the exposure, G is
-(1 − k − p)⁻¹: covariances and variance are those of k/(1 − p) over (1 − p)².
+(1 − k − p)⁻¹: covariances and variance are those of k/(1 − p) over (1 − p)². Covariances are kept
+by direction and parity of row and column, k(δ) both ways being equal; edge, corner and second
+neighbors each have one probability, or where χ² is beyond a chance of 1e-3, one by direction and
+then by parity.
 
 **Hot pixels** (`crosstalk_of_hot_pixels`). The rate of a pixel is a level common to all plus shares
 of the rates around it. They minimize the sum of absolute residuals, which pixels that are hot
@@ -28,18 +31,25 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from scipy.stats import chi2
 
 from megalopta.core.arrays import Floats, Ints, Mask, robust_sigma
+from megalopta.sensor.calibrate.statistics import OFFSETS, Statistics, both
 from megalopta.sensor.effects.crosstalk import REACH, Crosstalk, neighborhoods
 
-OFFSETS = ((0, 1), (1, 0), (1, 1), (1, -1), (0, 2), (2, 0))
-_FAR = 4
-_SIZE = 32
+_FAR, _ALIKE = 4, 1e-3
+_SIDE_OF_TORUS = 12
+_CLASSES = (slice(0, 2), slice(2, 4), slice(4, 6))
+"""Edge, corner and second neighbors of `OFFSETS`, four of each"""
+_AXES: tuple[tuple[int, ...], ...] = ((0, 1, 2), (1, 2), (2,), (1,))
+"""Averages over directions, and parities of rows and columns, coarsest first"""
 
 
 class Kernel(NamedTuple):
-    """Probabilities that an avalanche fires a pixel at each of `OFFSETS` or its opposite."""
+    """Probabilities that an avalanche fires a neighbor at `OFFSETS`, and that one it, (6, 2, 2).
+
+    By parity of row and column of the former.
+    """
 
     share: Floats
     error: Floats
@@ -49,28 +59,71 @@ class Kernel(NamedTuple):
     afterpulses_error: float
 
     @property
-    def is_seen(self) -> bool:
-        """True if the nearest neighbors show crosstalk beyond 3 standard errors."""
-        nearest = self.share[:2].sum()
-        return bool(nearest > 3 * np.sqrt(np.square(self.error[:2]).sum()))
+    def averaged(self) -> tuple[Floats, list[bool]]:
+        """Probabilities, alike where they do not differ significantly (6, 2, 2).
+
+        And True for edge, corner and second neighbors of which all are alike.
+        """
+        mean, are_alike = np.empty_like(self.share), []
+        for part in _CLASSES:
+            share, weight = self.share[part], 1 / np.maximum(self.error[part], 1e-15) ** 2
+            for axes in _AXES:
+                average = np.average(share, axes, weight, keepdims=True)
+                apart = float((weight * (share - average) ** 2).sum())
+                if chi2.sf(apart, share.size - average.size) > _ALIKE:
+                    break
+            else:
+                average, axes = share, ()
+            mean[part] = average
+            are_alike.append(axes == _AXES[0])
+        return mean, are_alike
 
     @property
-    def echoes(self) -> tuple[float, float]:
-        """Events that an avalanche causes, by crosstalk and afterpulses, and their standard error.
+    def crosstalk(self) -> Crosstalk:
+        """Crosstalk by direction and parity where they differ, else by distance."""
+        mean, are_alike = np.maximum(self.averaged[0], 0.0), self.averaged[1]
+        total = min(float(2 * mean.mean(axis=(1, 2)).sum()), 0.8)
+        if all(are_alike):
+            orthogonal, diagonal, two = (float(mean[part].mean()) for part in _CLASSES)
+            return Crosstalk(
+                mean_fired_neighbors=total,
+                diagonal=min(diagonal / orthogonal, 1.0),
+                distance_two=min(two / orthogonal, 1.0),
+            )
+        kernel = np.zeros((PERIOD, PERIOD, 5, 5))
+        for (down, right), of_parity in zip(OFFSETS, mean, strict=True):
+            for row, column in np.ndindex(PERIOD, PERIOD):
+                to = (row + down) % PERIOD, (column + right) % PERIOD
+                kernel[row, column, 2 + down, 2 + right] = of_parity[row, column]
+                kernel[*to, 2 - down, 2 - right] = of_parity[row, column]
+        return Crosstalk(mean_fired_neighbors=total, kernel=kernel.tolist())
 
-        What is not seen is taken as 0; an estimate of afterpulses is then part of the error.
-        """
-        fired, error = 0.0, self.afterpulses_error
-        if self.is_seen:
-            fired, error = 2 * float(self.share.sum()), float(np.hypot(error, self.total_error))
-        if self.are_afterpulses_seen:
-            return fired + self.afterpulses, error
-        return fired, float(np.hypot(error, max(self.afterpulses, 0.0)))
+    @property
+    def is_seen(self) -> bool:
+        """True if edge neighbors show crosstalk beyond 3 standard errors, on average or any."""
+        share, error = self.share[:2], self.error[:2]
+        on_average = share.sum() > 3 * np.sqrt(np.square(error).sum())
+        return bool(on_average or (share > 5 * error).any())
+
+    @property
+    def seen(self) -> tuple[Crosstalk, float] | None:
+        """Crosstalk, and the error of its mean; None if it is not seen."""
+        return (self.crosstalk, self.total_error) if self.is_seen else None
 
     @property
     def total_error(self) -> float:
-        """Standard error of the mean number of fired neighbors."""
-        return 2 * float(np.sqrt(np.square(self.error).sum()))  # each offset in both directions
+        """Standard error of the mean number of neighbors that fire a pixel."""
+        squares = [
+            np.square(self.error[part]).mean() * (2 if is_alike else 4)
+            for part, is_alike in zip(_CLASSES, self.averaged[1], strict=True)
+        ]
+        return float(np.sqrt(np.sum(squares)))
+
+    @property
+    def limit(self) -> float:
+        """Probability to fire an edge neighbor that is not excluded, 95 %."""
+        error = np.sqrt(np.square(self.error[:2]).sum()) / self.error[:2].size
+        return float(max(self.share[:2].mean(), 0.0) + 1.645 * error)
 
     @property
     def are_afterpulses_seen(self) -> bool:
@@ -78,26 +131,19 @@ class Kernel(NamedTuple):
         return self.afterpulses > 3 * self.afterpulses_error
 
 
-def neighbor_kernel(counts: NDArray[Any], good: Mask) -> Kernel:
-    """Estimate the kernel from dark counts (n, rows, columns) of the good pixels (rows, columns).
+def neighbor_kernel(recording: Statistics, good: Mask) -> Kernel:
+    """Estimate the kernel from dark counts, of the good pixels (rows, columns).
 
     Raises ValueError if too few good pixels have neighbors.
     """
-    counts = np.asarray(counts, np.float64)
-    mean = counts.mean(axis=0)
-    n = len(counts)
-    excess = np.where(good, counts - mean, 0)
-    variance = np.where(good, counts.var(axis=0, ddof=1), 0)
-    ratios, errors = np.array([_pairs(excess, mean, good, offset) for offset in OFFSETS]).T
+    mean, variance, n = recording.mean, recording.variance, recording.frames
+    pairs = [_pairs(recording, good, at) for at in range(len(OFFSETS))]
+    ratios, errors = np.array(pairs).transpose(1, 0, 2, 3)
     # mean covariance of pixels at least four rows apart
-    sums, pairs = 0.0, 0
-    rows = good.shape[0]
-    totals, numbers = excess.sum(axis=2), good.sum(axis=1)
-    for row in range(rows - _FAR):
-        below = totals[:, row + _FAR :].sum(axis=1)
-        sums += float((totals[:, row] * below).sum()) / (n - 1)
-        pairs += int(numbers[row] * numbers[row + _FAR :].sum())
-    common = (sums / pairs if pairs else 0.0) / float(mean[good].mean())
+    of_rows = recording.of_rows - recording.of_rows.mean(axis=0)
+    far = np.triu(of_rows.T @ of_rows / (n - 1), _FAR)
+    distant = np.triu(np.ones(far.shape), _FAR).sum()
+    common = float(far.sum() / max(distant, 1) / mean[good].mean())
     seen, error = ratios - common, errors / 2
     m = mean[good]
     # Poisson variance, not the observed one: otherwise counts of small variance would weigh more
@@ -105,17 +151,20 @@ def neighbor_kernel(counts: NDArray[Any], good: Mask) -> Kernel:
     fano = float((weight * variance[good]).sum() / (weight * m).sum()) - common
     spread = 1 / np.sqrt(n * (weight * m).sum())
     left = 1.0  # 1 − p
-    for _ in range(4):
+    for _ in range(3):
         # the kernel that produces the observed covariances
         target = seen * left**2
         relative = target / 2
-        for _ in range(60):
-            response = _response(relative)
-            relative = relative - (np.array([response[place] for place in OFFSETS]) - target) / 2
-            total = 2 * np.abs(relative).sum()
+        for _ in range(20):
+            response, spread_by_talk = _response(relative)
+            change = (response - target) / 2
+            relative = relative - change
+            total = 2 * np.abs(relative).mean(axis=(1, 2)).sum()
             if total > 0.8:
                 relative *= 0.8 / total
-        left = max(fano / _response(relative)[0, 0], 1e-9) ** -0.5
+            if np.abs(change).max() < 1e-7:
+                break
+        left = max(fano / spread_by_talk, 1e-9) ** -0.5
     return Kernel(relative * left, error * left**3, float(1 - left), float(0.5 * spread * left**3))
 
 
@@ -133,37 +182,41 @@ def mean_kernel(kernels: Sequence[Kernel]) -> Kernel:
     return Kernel(*averaged("share", "error"), *afterpulses)
 
 
-def _pairs(
-    excess: Floats, mean: Floats, good: Mask, offset: tuple[int, int]
-) -> tuple[float, float]:
-    """Covariance over mean of all pairs of an offset, weighted by light; standard error."""
-    (down, right), (rows, columns) = offset, good.shape
-    left = slice(max(-right, 0), columns - max(right, 0))
-    first, second = (
-        (slice(0, rows - down), left),
-        (slice(down, rows), slice(left.start + right, left.stop + right)),
-    )
-    both = good[first] & good[second]
-    covariance = (excess[:, *first] * excess[:, *second]).sum(axis=0) / (len(excess) - 1)
+def _pairs(recording: Statistics, good: Mask, at: int) -> tuple[Floats, Floats]:
+    """Covariance over mean of all pairs of an offset, weighted by light; standard error; (2, 2)."""
+    first, second = both(OFFSETS[at])
+    mean, covariance = recording.mean, recording.neighbors[at][first]
     # brighter pairs are more precise per event: weight by inverse variance of the ratio
     total = (mean[first] + mean[second]) / 2
-    noise = mean[first] * mean[second] / len(excess)
-    weight = np.where(both & (noise > 0), total / np.where(noise > 0, noise, 1), 0)
-    norm = float((weight * total).sum())
-    if both.sum() < 2 or not norm > 0:
-        raise ValueError("crosstalk: too few good pixels side by side; it cannot be estimated")
-    error = float(np.sqrt((weight**2 * noise).sum())) / norm
-    return float((weight * covariance).sum()) / norm, error
+    noise = mean[first] * mean[second] / recording.frames
+    is_good = good[first] & good[second] & (noise > 0)
+    weight = np.divide(total, noise, out=np.zeros_like(noise), where=is_good)
+    ratio, error = np.empty((2, PERIOD, PERIOD))
+    row, column = first[0].start or 0, first[1].start or 0
+    for parity in np.ndindex(PERIOD, PERIOD):
+        some = slice((parity[0] - row) % 2, None, 2), slice((parity[1] - column) % 2, None, 2)
+        norm = (weight[some] * total[some]).sum()
+        if is_good[some].sum() < 2 or not norm > 0:
+            raise ValueError("crosstalk: too few good pixels side by side; it cannot be estimated")
+        ratio[parity] = (weight[some] * covariance[some]).sum() / norm
+        error[parity] = np.sqrt((weight[some] ** 2 * noise[some]).sum()) / norm
+    return ratio, error
 
 
-def _response(share: Floats) -> Floats:
-    """Covariance over mean, by offset, in an unbounded array."""
-    kernel = np.zeros((_SIZE, _SIZE))
-    for (down, right), probability in zip(OFFSETS, share, strict=True):
-        kernel[down % _SIZE, right % _SIZE] += probability
-        kernel[-down % _SIZE, -right % _SIZE] += probability
-    transform = np.abs(1 / (1 - np.fft.fft2(kernel))) ** 2
-    return np.asarray(np.fft.ifft2(transform).real * (1 - np.square(kernel).sum()))
+def _response(share: Floats) -> tuple[Floats, float]:
+    """Covariance over mean, by offset and parity, and variance over mean, in an unbounded array."""
+    side = _SIDE_OF_TORUS
+    rows, columns = np.indices((side, side))
+    number, kernel = rows * side + columns, np.zeros((side**2, side**2))
+    others = [(rows + down) % side * side + (columns + right) % side for down, right in OFFSETS]
+    for other, of_parity in zip(others, share, strict=True):
+        values = np.tile(of_parity, (side // PERIOD, side // PERIOD))
+        kernel[number, other] += values
+        kernel[other, number] += values
+    response = np.linalg.inv(np.identity(side**2) - kernel)
+    covariance = (response * (1 - np.square(kernel).sum(axis=0))) @ response.T
+    of_offsets = [covariance[number, other][:PERIOD, :PERIOD] for other in others]
+    return np.array(of_offsets), float(np.diagonal(covariance).mean())
 
 
 FEWEST_PIXELS = 4096
@@ -210,8 +263,10 @@ def crosstalk_of_hot_pixels(rates: Floats) -> Floats:
     return shares.reshape(PERIOD, PERIOD, _SIDE, _SIDE)
 
 
-def kernel_of(shares: Floats) -> Crosstalk:
-    """Return the crosstalk of senders whose neighbors receive these shares; off if none is seen.
+def kernel_of(shares: Floats) -> tuple[Crosstalk, float]:
+    """Return the crosstalk of senders whose neighbors receive these shares, and a share's error.
+
+    Off if none is seen.
 
     The scatter of shares three pixels away and farther shows their noise. Shares below four of it
     are left at 0, and all are if those of edge neighbors are below three on average.
@@ -219,13 +274,14 @@ def kernel_of(shares: Floats) -> Crosstalk:
     distance = np.hypot(*(np.indices((_SIDE, _SIDE)) - REACH))
     noise = robust_sigma(shares[:, :, distance >= REACH])
     if shares[:, :, distance == 1].mean() < 3.0 * noise:
-        return Crosstalk()
+        return Crosstalk(), noise
     kernel = np.zeros_like(shares)
     for row, column, down, right in np.argwhere(shares > 4.0 * noise):
         sender = (row + down - REACH) % PERIOD, (column + right - REACH) % PERIOD
         place = _SIDE - 1 - down, _SIDE - 1 - right
         kernel[(*sender, *place)] = shares[row, column, down, right]
-    return Crosstalk(mean_fired_neighbors=float(kernel.sum()) / PERIOD**2, kernel=kernel.tolist())
+    total = float(kernel.sum()) / PERIOD**2
+    return Crosstalk(mean_fired_neighbors=total, kernel=kernel.tolist()), noise
 
 
 class PairCrosstalk(NamedTuple):

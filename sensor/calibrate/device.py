@@ -1,59 +1,26 @@
-"""A device from its recordings: all estimators in sequence."""
+"""A device from the codes of its ADC: comb, then events as any counting camera has them."""
 
 from collections.abc import Sequence
-from contextlib import suppress
-from dataclasses import dataclass, replace
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import chi2
 
 from megalopta.core.arrays import Floats, Mask
 from megalopta.sensor.calibrate.comb import HIDDEN_AT, CombFit, Curve, comb_period, fit_comb
-from megalopta.sensor.calibrate.crosstalk import Kernel, mean_kernel, neighbor_kernel
+from megalopta.sensor.calibrate.counts import CountingDevice, Summed, calibrate_counts
 from megalopta.sensor.calibrate.level import Drops, Level, check_levels, drops_of, photon_transfer
-from megalopta.sensor.calibrate.pixels import hot_pixels
-from megalopta.sensor.calibrate.saturation import MeanCounts, fit_saturation, misfit
+from megalopta.sensor.calibrate.pixels import Estimate
+from megalopta.sensor.calibrate.statistics import statistics
+from megalopta.sensor.effects.dead_time import DeadTime
 from megalopta.sensor.spad.counters import AnalogCounter
 
-_95 = 1.959964
 _LOUDEST = 2.0
 """Residual, relative to the comb's median, above which a pixel's fit has failed."""
 
 
-@dataclass(frozen=True, eq=False)
-class Estimate:
-    """One quantity of every pixel with its 95 % CI, each (rows, columns); NaN: unknown."""
-
-    value: Floats
-    low: Floats
-    high: Floats
-
-    @classmethod
-    def normal(cls, value: Floats, error: Floats, shape: tuple[int, int]) -> "Estimate":
-        """Return a value with the interval of this standard error."""
-        error = np.where(error > 0, error, np.nan)
-        value, spread = np.where(np.isfinite(error), value, np.nan), _95 * error
-        return cls(*(end.reshape(shape) for end in (value, value - spread, value + spread)))
-
-    @property
-    def median(self) -> float:
-        """Median over the known pixels; NaN if none is known."""
-        return float(np.nanmedian(self.value)) if np.isfinite(self.value).any() else np.nan
-
-    def where(self, known: Mask, value: float = np.nan) -> "Estimate":
-        """Return the estimate with another value, and interval, where it is not known."""
-        ends = self.value, self.low, self.high
-        return Estimate(*(np.where(known, end, value) for end in ends))
-
-    def scaled(self, factor: Floats | float) -> "Estimate":
-        """Return the estimate in another unit."""
-        return Estimate(self.value * factor, self.low * factor, self.high * factor)
-
-
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Device:
-    """Estimates of a device, and the data behind them."""
+class Device(CountingDevice):
+    """Estimates of a device whose events an analog counter counts, and the data behind them."""
 
     offset_v: Estimate
     """Drop of the output below the top of the ADC without events or leak: positive lowers it, as
@@ -62,23 +29,8 @@ class Device:
     leak_v_s: Estimate
     step_v: Estimate
     read_noise_v: Estimate
-    dark_counts_hz: Estimate
-    efficiency: Estimate | None = None
-    """Events per unit of light; None without flat frames"""
-    dead_time_s: Estimate | None = None
-    dead_time_kind: str | None = None
-    """None if the saturation curve does not determine it"""
-    kind_ratio: float = 0.0
-    """Log-likelihood ratio of the two kinds"""
-    misfit: float = 0.0
-    """Deviation of counts from the saturation curve, relative, if it does not hold: neither
-    efficiency nor dead time is stated"""
-    kernel: Kernel | None = None
-    """Crosstalk kernel; None if too few pixels have neighbors"""
-    hot: Mask
-    """(rows, columns)"""
-    counts: MeanCounts
-    """Mean counts behind the saturation curve"""
+    mean_events: Floats
+    """Per frame, (levels, P); NaN: not known"""
     drops: Drops
     curve: Curve
     """Change of the step over the swing"""
@@ -91,15 +43,19 @@ class Device:
         return abs(self.curve.slope) > 3 * self.slope_error
 
 
-def calibrate_device(levels: Sequence[Level], counter: AnalogCounter) -> Device:
+def calibrate_device(
+    levels: Sequence[Level], counter: AnalogCounter, known: DeadTime | None = None
+) -> Device:
     """Estimate all parameters that dark and lit levels determine, with 95 % CI.
 
     Parameters
     ----------
     levels : sequence of Level
-        Dark frames at three or more exposures; flat frames at two or more light levels, or none.
+        Dark frames at three or more exposures; flat frames of any number of lights.
     counter : AnalogCounter
         Its supply, swing and ADC.
+    known : DeadTime, optional
+        Dead time that corrects counts if levels do not determine it.
 
     Raises ValueError if the recordings are insufficient (`check_levels`), or the shortest dark
     exposure is too long to determine the level of no counts.
@@ -108,30 +64,43 @@ def calibrate_device(levels: Sequence[Level], counter: AnalogCounter) -> Device:
     shape = levels[0].readings.shape[1], levels[0].readings.shape[2]
     drops = drops_of(levels, counter)
     fit = _fitted_comb(drops, counter)
-    errors = _standard_errors(fit.covariance)
+    errors = np.sqrt(np.maximum(np.diagonal(fit.covariance, axis1=1, axis2=2), 0))
     failed = _misassigned(drops, fit, errors)
     errors[failed], drops.frames[:, failed] = np.nan, 0
-    offset, leak, step = _estimates(fit.solution, errors, shape)
+    offset, leak, step = (
+        Estimate.normal(*column, shape) for column in zip(fit.solution.T, errors.T, strict=True)
+    )
     read_v = np.sqrt(np.maximum(fit.noise_v**2 - counter.lsb_v**2 / 12, 0))
     read_error = fit.noise_v**2 / np.sqrt(2 * np.maximum(fit.readings, 1))
-    mean = fit.counts / np.maximum(drops.frames, 1)
-    counts = MeanCounts(mean, drops.frames, drops.exposure_s, drops.light_hz)
-    of_light = _efficiency_and_dead_time(counts, shape)
-    dark = _dark_counts(fit, counts, shape)
-    if of_light.get("dead_time_kind"):
-        # to first order, both kinds of dead time hide the same counts
-        dark = dark.scaled(1 + dark.value * of_light["dead_time_s"].median)
-    device = Device(
-        offset_v=offset, leak_v_s=leak, step_v=step, dark_counts_hz=dark,
+    recordings = [_events(level, at, drops, fit, counter) for at, level in enumerate(levels)]
+    mean = np.divide(
+        fit.counts, drops.frames, np.full_like(fit.counts, np.nan), where=drops.frames > 0
+    )
+    return Device(
+        **vars(calibrate_counts(recordings, known)),
+        offset_v=offset, leak_v_s=leak, step_v=step,
         read_noise_v=Estimate.normal(read_v, read_error / np.maximum(read_v, 1e-12), shape),
-        hot=hot_pixels(dark.low, dark.value, dark.high), counts=counts, drops=drops,
-        curve=fit.curve, slope_error=fit.slope_error, **of_light,
+        mean_events=mean, drops=drops, curve=fit.curve, slope_error=fit.slope_error,
     )  # fmt: skip
-    kernel = _crosstalk(device, levels, counter)
-    # readings that noise moves to the next peak vary as afterpulses do
-    if kernel and not fit.is_clear:
-        kernel = kernel._replace(afterpulses=np.nan, afterpulses_error=np.nan)
-    return replace(device, kernel=kernel)
+
+
+def _events(level: Level, at: int, drops: Drops, fit: CombFit, counter: AnalogCounter) -> Summed:
+    """Sum up the events of a level, of whose number readings between two peaks leave a doubt."""
+    shape = level.readings.shape[1:]
+    offset_v, leak_v_s, step_v = fit.solution.T.reshape(3, *shape)
+    drop_v = counter.supply_v - level.readings * counter.lsb_v
+    steps = (drop_v - offset_v - leak_v_s * level.exposure_s) / step_v
+    is_known, is_fitted = (
+        frames.reshape(shape) > 0 for frames in (drops.frames[at], drops.frames.sum(axis=0))
+    )
+    numbers = np.where(is_fitted, fit.curve.numbers(steps, step_v), 0)
+    of, n = statistics(np.rint(numbers)), len(numbers)
+    mean = (fit.counts[at] / n).reshape(shape)
+    variance = (fit.squares[at].reshape(shape) / n - mean**2) * n / (n - 1)
+    of = of._replace(
+        mean=np.where(is_known, mean, of.mean), variance=np.where(is_known, variance, of.variance)
+    )
+    return Summed(level.exposure_s, level.light_hz, False, of, is_known)
 
 
 def _fitted_comb(drops: Drops, counter: AnalogCounter) -> CombFit:
@@ -177,70 +146,3 @@ def _misassigned(drops: Drops, fit: CombFit, errors: Floats) -> Mask:
     distance = np.abs(leak_v_s - np.median(leak_v_s))
     failed |= distance > 40.0 * np.median(distance)
     return np.asarray(failed | (drops.frames.sum(axis=0) == 0))
-
-
-def _efficiency_and_dead_time(counts: MeanCounts, shape: tuple[int, int]) -> dict[str, Any]:
-    """Fields of a device that its saturation curve determines."""
-    if len(np.unique(counts.light_hz)) < 3:
-        return {}
-    curves, ratio = fit_saturation(counts)
-    residual = misfit(counts, curves)
-    if residual.is_clear:
-        return {"misfit": residual.share}
-    errors = _standard_errors(curves.covariance)
-    _, efficiency, dead_time = _estimates(curves.solution, errors, shape)
-    # name the kind if there is dead time and the curve determines its kind
-    known = errors[:, 2] > 0
-    z = (curves.solution / errors)[known, 2]
-    is_seen = np.sum(z) / np.sqrt(max(known.sum(), 1)) > 5
-    kind = curves.kind if ratio > 6.0 and is_seen else None
-    return {
-        "efficiency": efficiency,
-        "dead_time_s": dead_time,
-        "dead_time_kind": kind,
-        "kind_ratio": ratio,
-    }
-
-
-def _dark_counts(fit: CombFit, counts: MeanCounts, shape: tuple[int, int]) -> Estimate:
-    """Rates of all dark frames, with exact intervals."""
-    is_dark = counts.light_hz == 0
-    live_s = (counts.frames * counts.exposure_s[:, None])[is_dark].sum(axis=0)
-    total = fit.counts[is_dark].sum(axis=0)
-    rates = np.stack([total, *garwood_interval(total)]) / np.where(live_s > 0, live_s, np.nan)
-    return Estimate(*rates.reshape(3, *shape))
-
-
-def _crosstalk(device: Device, levels: Sequence[Level], counter: AnalogCounter) -> Kernel | None:
-    """Crosstalk and afterpulses, by coincidences of dark counts."""
-    step_v, kernels = device.step_v.value, []
-    for level, frames in zip(levels, device.counts.frames, strict=True):
-        if level.is_dark:
-            drop_v = counter.supply_v - level.readings * counter.lsb_v
-            leaked_v = np.nan_to_num(device.leak_v_s.value) * level.exposure_s
-            numbers = device.curve.numbers(
-                (drop_v - device.offset_v.value - leaked_v) / step_v, step_v
-            )
-            # pixels with a failed fit have no counts
-            readings = np.nan_to_num(np.rint(numbers))
-            good = (frames.reshape(step_v.shape) > 0) & (readings.mean(axis=0) > 0)
-            with suppress(ValueError):  # too few pixels remain at this exposure
-                kernels.append(neighbor_kernel(readings, good))
-    return mean_kernel(kernels) if kernels else None
-
-
-def _estimates(solution: Floats, errors: Floats, shape: tuple[int, int]) -> list[Estimate]:
-    return [Estimate.normal(*column, shape) for column in zip(solution.T, errors.T, strict=True)]
-
-
-def _standard_errors(covariance: Floats) -> Floats:
-    return np.sqrt(np.maximum(np.diagonal(covariance, axis1=1, axis2=2), 0))
-
-
-def garwood_interval(counts: Floats) -> tuple[Floats, Floats]:
-    """Return the Poisson means between which counts, of any shape, lie with at least 95 %.
-
-    F. Garwood, Biometrika 28, 437 (1936).
-    """
-    low = np.where(counts > 0, chi2.ppf(0.025, 2 * np.maximum(counts, 1e-9)) / 2, 0.0)
-    return low, np.asarray(chi2.isf(0.025, 2 * (counts + 1)) / 2)

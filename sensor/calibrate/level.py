@@ -74,8 +74,8 @@ class Level:
             return self.exposure_s
         return float(np.median(np.diff(self.times_s)))
 
-    def at(self, frames: NDArray[Any]) -> "Level":
-        """Keep some frames, (n,) mask or numbers."""
+    def at(self, frames: NDArray[Any] | slice) -> "Level":
+        """Keep some frames, (n,) mask or numbers, or a slice."""
         times_s = None if self.times_s is None else self.times_s[frames]
         return replace(self.mapped(lambda values: values[frames]), times_s=times_s)
 
@@ -87,6 +87,13 @@ class Level:
             name: change(array) for name, array in arrays.items() if array is not None
         }
         return replace(self, **known)
+
+    def moved(self, change: Callable[[NDArray[Any]], NDArray[Any]]) -> "Level":
+        """Change counts, and leave codes as they are."""
+        signal = np.asarray(change(np.asarray(self.signal, np.float32)), np.float32)
+        if self.unrounded is None:
+            return replace(self, readings=signal)
+        return replace(self, unrounded=signal, readings=np.rint(signal.clip(0)))
 
     @property
     def usable(self) -> Mask:

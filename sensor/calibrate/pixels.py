@@ -8,15 +8,48 @@ frames. Fluctuations that all pixels share have to be taken out before.
 """
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from megalopta.core.arrays import Floats, Mask, mean_and_variance
+from megalopta.core.arrays import Floats, Mask
+from megalopta.sensor.calibrate.statistics import LAGS, Statistics
 
+_95 = 1.959964
 DEAD_BELOW = 0.05
 """Share of the reference's counts below which a pixel is dead."""
+
+
+@dataclass(frozen=True, eq=False)
+class Estimate:
+    """One quantity of every pixel with its 95 % CI, each (rows, columns); NaN: unknown."""
+
+    value: Floats
+    low: Floats
+    high: Floats
+
+    @classmethod
+    def normal(cls, value: Floats, error: Floats, shape: tuple[int, int]) -> "Estimate":
+        """Return a value with the interval of this standard error."""
+        error = np.where(error > 0, error, np.nan)
+        value, spread = np.where(np.isfinite(error), value, np.nan), _95 * error
+        return cls(*(end.reshape(shape) for end in (value, value - spread, value + spread)))
+
+    @property
+    def median(self) -> float:
+        """Median over the known pixels; NaN if none is known."""
+        return float(np.nanmedian(self.value)) if np.isfinite(self.value).any() else np.nan
+
+    def where(self, known: Mask, value: float = np.nan) -> "Estimate":
+        """Return the estimate with another value, and interval, where it is not known."""
+        ends = self.value, self.low, self.high
+        return Estimate(*(np.where(known, end, value) for end in ends))
+
+    def scaled(self, factor: Floats | float) -> "Estimate":
+        """Return the estimate in another unit."""
+        return Estimate(self.value * factor, self.low * factor, self.high * factor)
 
 
 def dead_pixels(counts: Floats, reference: Floats) -> Mask:
@@ -45,11 +78,6 @@ def hot_pixels(low: Floats, dark: Floats, high: Floats, times: float = 10.0) -> 
     return np.asarray(low > times * typical)
 
 
-LAGS = 6
-_FARTHEST = 5.0
-"""Deviation, in standard deviations, to which single readings are limited."""
-
-
 class Correlation(NamedTuple):
     """Correlation of the readings of pixels over frames."""
 
@@ -75,25 +103,12 @@ class Correlation(NamedTuple):
         return np.asarray(self.deviation > 7.0)
 
 
-def uncorrelated(shape: tuple[int, ...], frames: int) -> Correlation:
-    """Return the correlation of readings of which only the sum is known."""
-    return Correlation(np.zeros((LAGS, *shape)), np.zeros(shape), frames)
-
-
-def correlation(readings: NDArray[Any], good: Mask) -> Correlation:
-    """Return the correlation of readings (n, rows, columns); 0 for others than good pixels."""
-    mean, variance = mean_and_variance(readings)
-    counted = good & (variance > 0) & (mean * len(readings) > 30.0)
+def correlation(recording: Statistics, good: Mask) -> Correlation:
+    """Return the correlation of readings; 0 for others than good pixels."""
+    mean, variance = recording.mean, recording.variance
+    counted = good & (variance > 0) & (mean * recording.frames > 30.0)
     scale = np.where(counted, np.sqrt(variance), np.inf)
-    sums, before = np.zeros((LAGS, *good.shape)), list[Floats]()
-    cubes = np.zeros(good.shape)
-    for frame in readings:
-        z = np.clip((frame - mean) / scale, -_FARTHEST, _FARTHEST)
-        cubes += z**3
-        for lag, earlier in enumerate(before):
-            sums[lag] += z * earlier
-        before = [z, *before[: LAGS - 1]]
-    return Correlation(sums / len(readings), cubes / len(readings), len(readings))
+    return Correlation(recording.later / scale**2, recording.third / scale**3, recording.frames)
 
 
 def _normal(deviation: Floats, skewness: Floats) -> Floats:

@@ -62,7 +62,9 @@ def fit_exponential(lags: Autocorrelation) -> Afterpulsing:
         part = np.exp(-start / delay_s) - np.exp(-end / delay_s)
         return np.asarray(1e6 * carriers * part / (end - start))
 
-    guess = seen, float(np.sum(density * (end**2 - start**2) / 2) / seen)
+    # of few events, counting noise makes some densities negative
+    weight = np.maximum(density, 0) * (end - start)
+    guess = seen, float(np.sum(weight * (start + end) / 2) / weight.sum())
     (carriers, delay_s), _ = curve_fit(
         mean_density, start, 1e6 * density, guess, bounds=(0, np.inf), x_scale=guess
     )

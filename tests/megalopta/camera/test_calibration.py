@@ -9,7 +9,7 @@ import pytest
 
 from megalopta.camera.calibration import (
     calibrate_recordings,
-    calibration_of_codes,
+    calibration_of,
     primary,
     write_array_device,
     write_device,
@@ -20,9 +20,10 @@ from megalopta.cli.main import main
 from megalopta.core.errors import UserError
 from megalopta.sensor import changed, expose_rate, load_sensor, preset, reading_moments
 from megalopta.sensor.calibrate.crosstalk import Kernel
-from megalopta.sensor.calibrate.device import Estimate, calibrate_device
+from megalopta.sensor.calibrate.device import calibrate_device
 from megalopta.sensor.calibrate.level import Level
-from megalopta.sensor.calibrate.pixels import correlation
+from megalopta.sensor.calibrate.pixels import Estimate, correlation
+from megalopta.sensor.calibrate.statistics import statistics
 from megalopta.sensor.effects.crosstalk import neighborhoods
 from megalopta.sensor.formats.recorded_frames import tiff_writer
 from megalopta.sensor.spad.device import draw_fixed_pattern
@@ -144,7 +145,7 @@ def test_bad_pixels_of_the_recordings_are_those_of_the_simulation(tmp_path):
     np.testing.assert_array_equal(again[:, 3, 4], 0)
     np.testing.assert_array_equal(again[:, 5, 6], 70)
     before, after = (
-        correlation(each, np.ones((24, 24), bool)).is_telegraph
+        correlation(statistics(each), np.ones((24, 24), bool)).is_telegraph
         for each in (np.load(tmp_path / "dark.npy"), again)
     )
     np.testing.assert_array_equal(before, after)
@@ -188,7 +189,7 @@ def test_bits_and_sums_of_bits_give_a_binary_device(tmp_path, n):
         (["path: dark.tif, lens: 2"], "lens"),
         (["path: flat.npy, exposure_s: 1e-3, light: 1e6"], "--wavelength-nm 5000: sensor 'ideal'"),
         (["path: flat.npy, light: 1e6"], "exposure is unknown"),
-        (["path: flat.npy, exposure_s: 1e-3, frames: [10, 99]"], "at most 60"),
+        (["path: flat.npy, exposure_s: 1e-3, frames: [10, 99]"], "it has 60"),
     ],
 )
 def test_recordings_that_cannot_be_calibrated_are_refused(words, told, tmp_path):
@@ -243,7 +244,7 @@ def test_the_device_file_loads_with_its_maps(spadcam):
     np.testing.assert_allclose(found.efficiency_factor, truth.efficiency_factor, rtol=0.1)
     np.testing.assert_allclose(found.counters.step_v, truth.counters.step_v, rtol=2e-3)
     assert device.dead_time.kind == "paralyzable"
-    assert "256 of 256 pixels" in sentence
+    assert "medians of 256 pixels" in sentence and "0 pixels are bad" in sentence
     page = (folder / "device.html").read_text("utf-8")
     assert "Saturation" in page
     assert "absolute sensitivity threshold" in page
@@ -255,9 +256,10 @@ def test_crosstalk_and_afterpulses_of_the_device_file_make_what_was_counted(spad
     levels = [Level(read_recorded(s).codes, read_recorded(s).exposure_s, s.light) for s in sources]
     device = calibrate_device(levels, SPADCAM.counter)
     share = np.array([0.01, 0.01, 2e-3, 2e-3, 0, 0])
-    kernel = Kernel(share, np.full(6, 1e-4), afterpulses=0.05, afterpulses_error=1e-3)
+    by_parity = np.tile(share[:, None, None], (2, 2))
+    kernel = Kernel(by_parity, np.full((6, 2, 2), 1e-4), afterpulses=0.05, afterpulses_error=1e-3)
     path = tmp_path / "fired.yaml"
-    fired = calibration_of_codes(replace(device, kernel=kernel), preset("spadcam"), 700.0)
+    fired = calibration_of(replace(device, kernel=kernel), preset("spadcam"), 700.0)
     write_device(path, fired, "spadcam")
     found = changed(load_sensor(path), exposure_s=0.05)
     assert found.crosstalk.mean_fired_neighbors == pytest.approx(2 * share.sum())
@@ -277,10 +279,12 @@ def test_light_of_a_beam():
 
 def test_intervals_include_the_error_of_what_crosstalk_adds():
     dark = np.full(SIDES, 300.0)
-    kernel = Kernel(np.array([0.01, 0.01, 0, 0, 0, 0]), np.full(6, 1e-3), np.nan, np.nan)
+    share = np.tile(np.array([0.01, 0.01, 0, 0, 0, 0])[:, None, None], (2, 2))
+    kernel = Kernel(share, np.full((6, 2, 2), 1e-3), np.nan, np.nan)
     found = primary(Estimate(dark, dark, dark), kernel)
-    # of 4 neighbors at 1 % each; the total has an error of 2·√6·0.1 % of an event
-    half = 1.959964 * (dark - found.value) * 2 * np.sqrt(6) * 1e-3 / 0.04
+    # of 4 neighbors at 1 % each; means of eight edge, corner and second ones have errors of
+    # 0.1 %/√8, and count four times each: the total has one of √6·0.1 % of an event
+    half = 1.959964 * (dark - found.value) * np.sqrt(6) * 1e-3 / 0.04
     np.testing.assert_allclose(found.high - found.value, half)
     np.testing.assert_allclose(found.value - found.low, half)
 
@@ -307,9 +311,9 @@ def test_the_command_writes_the_files_that_ship(number, tmp_path):
     [
         ((KINDS[0], KINDS[0]), "2 tables of one kind"),
         ((KINDS[1],), "no map of dark counts"),
-        (("1,2\n3,4",), "4 rates, of which 24 are needed"),
+        (("1,-2\n3,4",), "rates are negative"),
         (("pix1,pix2,distance,crosstalk,error\n0,1,1,1e-3,1e-5",), "1 pairs"),
-        (("events,duration_s,1-2\n5,1,3",), "1 pixels with events"),
+        (("events,duration_s,1-2\n0,1,3",), "1 pixels with events"),
     ],
 )
 def test_tables_that_do_not_suffice_are_refused(tmp_path, tables, message):

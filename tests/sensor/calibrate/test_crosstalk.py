@@ -16,6 +16,7 @@ from megalopta.sensor.calibrate.crosstalk import (
     modelled,
     neighbor_kernel,
 )
+from megalopta.sensor.calibrate.statistics import both, statistics
 from megalopta.sensor.effects import crosstalk
 from megalopta.sensor.effects.crosstalk import neighborhoods
 from megalopta.sensor.effects.dark_counts import dark_count_density
@@ -42,8 +43,8 @@ def test_shares_are_the_probabilities_that_neighbors_fire():
 
 
 def test_without_crosstalk_neighbors_are_independent():
-    assert not kernel_of(crosstalk_of_hot_pixels(OWN)).is_on
-    found = kernel_of(crosstalk_of_hot_pixels(RATES))
+    assert not kernel_of(crosstalk_of_hot_pixels(OWN))[0].is_on
+    found = kernel_of(crosstalk_of_hot_pixels(RATES))[0]
     own = RATES - crosstalk.fired_mean(RATES, found)
     correlation, left = (
         spearmanr(rates[:, :-1].ravel(), rates[:, 1:].ravel())[0] for rates in (RATES, own)
@@ -58,7 +59,7 @@ def test_pairs_of_rows_are_recognized():
     pairs[0, 0, 2, 1] = pairs[1, 0, 0, 1] = 3.0  # rows 0 and 1, 2 and 3, …
     pairs[:, :, 1, [0, 2]] = 1.0
     made = Crosstalk(mean_fired_neighbors=0.03, kernel=pairs.tolist())
-    found = kernel_of(crosstalk_of_hot_pixels(crosstalk.mean(OWN, made)))
+    found = kernel_of(crosstalk_of_hot_pixels(crosstalk.mean(OWN, made)))[0]
     by_row = neighborhoods(found)[:, :, 2:5, 2:5].mean(axis=1)
     # half of the pixels, errors of 2e-4
     assert np.allclose(by_row, neighborhoods(made)[:, 0], atol=1e-3)
@@ -70,12 +71,56 @@ def test_crosstalk_kernel(probability):
     primaries = rng.poisson(20.0, (1500, 16, 16))
     effect = Crosstalk(mean_fired_neighbors=probability)
     counts = np.array([crosstalk.spread(rng, frame, effect) for frame in primaries])
-    kernel = neighbor_kernel(counts, np.ones((16, 16), bool))
+    kernel = neighbor_kernel(statistics(counts), np.ones((16, 16), bool))
     # orthogonal shares a quarter each; edges see less, which is below the error; 5 standard errors
-    truth = np.array([probability / 4] * 2 + [0.0] * 4)
+    truth = np.array([probability / 4] * 2 + [0.0] * 4)[:, None, None]
     assert np.all(np.abs(kernel.share - truth) < 5 * kernel.error + 0.03 * probability / 4)
     assert kernel.is_seen == (probability > 0)
     assert abs(kernel.afterpulses) < 5 * kernel.afterpulses_error + 0.002
+
+
+def fired_by(kernel, means, frames):
+    """Counts of primaries of these means and of those that they fire, by parity of the row."""
+    rng = np.random.default_rng(4)
+    counts = generation = rng.poisson(means, (frames, *means.shape))
+    while generation.any():
+        fired = np.zeros_like(generation)
+        for parity, down, right in np.argwhere(kernel > 0):
+            sent = np.zeros_like(generation)
+            sent[:, parity::2] = generation[:, parity::2]
+            sent = rng.binomial(sent, kernel[parity, down, right])
+            to, by = both((down - 1, right - 1)) if down else both((1, 1 - right))[::-1]
+            fired[:, *by] += sent[:, *to]
+        generation = fired
+        counts = counts + generation
+    return counts
+
+
+@pytest.mark.slow
+def test_pairs_of_rows_are_seen_by_coincidences_of_lognormal_dark_counts():
+    means = np.exp(0.6 * np.random.default_rng(5).standard_normal((64, 64)))
+    made = np.zeros((2, 3, 3))
+    made[0, 2, 1] = made[1, 0, 1] = 0.02  # rows 0 and 1, 2 and 3, …
+    made[:, 1, [0, 2]] = 0.005
+    counts = fired_by(made, means, 300)
+    kernel = neighbor_kernel(statistics(counts), np.ones((64, 64), bool))
+    truth = np.zeros((6, 2, 2))
+    truth[0], truth[1, 0] = 0.005, 0.02
+    # 24 values, 5.5 standard errors: a false alarm in 1e6
+    assert np.all(np.abs(kernel.share - truth) < 5.5 * kernel.error)
+    found = neighborhoods(kernel.crosstalk)[:, 0, 1:4, 1:4]
+    assert np.abs(found[0, 2, 1] - 0.02) < 5 * kernel.error.max() / np.sqrt(2)
+    assert found[0, 0, 1] < 5 * kernel.error.max() / np.sqrt(2)
+    assert abs(kernel.seen[0].mean_fired_neighbors - 0.03) < 5 * kernel.total_error
+    # alike in every direction: one probability, and none written by parity
+    alike = np.where(np.hypot(*(np.indices((3, 3)) - 1)) == 1, 0.01, 0.0)
+    counts = fired_by(np.tile(alike, (2, 1, 1)), means, 300)
+    kernel = neighbor_kernel(statistics(counts), np.ones((64, 64), bool))
+    assert kernel.is_seen and not kernel.crosstalk.kernel
+    dark = neighbor_kernel(
+        statistics(np.random.default_rng(6).poisson(means, (300, 64, 64))), np.ones((64, 64), bool)
+    )
+    assert not dark.is_seen and 0 < dark.limit < 2e-3
 
 
 PAIRS = Crosstalk(
