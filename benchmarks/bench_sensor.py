@@ -19,8 +19,13 @@ only.
 "stored" is what it takes to write events that are in memory: bytes and processor time of one, ns,
 and the speed over that of `tobytes` of the same columns into plain files.
 
+"calibrated" is the processor time of reading counts for a calibration (`summed`), 1000 frames of
+512 × 512 pixels, over that of NumPy's `mean` and `var` of the same frames; "compared" that of
+comparing 1000 dark and 1000 lit ones.
+
 Least wanted: frame cameras 0.67, ideal 1.5, at 1e5 counts 1, SPADCAM 0.2, SPADCAM at 300 counts by
-event 20, binary 10, comparison 1. Most wanted: 16 bytes and 100 ns a stored event.
+event 20, binary 10, comparison 1. Most wanted: 16 bytes and 100 ns a stored event, calibrated and
+compared 8.
 """
 
 import runpy
@@ -37,6 +42,7 @@ from megalopta.sensor import (
     Afterpulsing,
     DarkCounts,
     Sensor,
+    changed,
     event_moments,
     expectation,
     expose,
@@ -46,6 +52,10 @@ from megalopta.sensor import (
     preset,
     reading_moments,
 )
+from megalopta.sensor.calibrate.counts import summed
+from megalopta.sensor.calibrate.level import Level
+from megalopta.sensor.compare.model import Model
+from megalopta.sensor.compare.recordings import compare_recordings
 from megalopta.sensor.formats.events import EventOrigin, write_events_hdf5
 from megalopta.sensor.frame.exposure import expose_frames as expose_camera
 from megalopta.sensor.sampling.poisson import fill_bits
@@ -202,6 +212,15 @@ def stored_event() -> list[float]:
     return [size / events.time_s.size, 1e9 * seconds / events.time_s.size, speed]
 
 
+def calibrated_over_numpy() -> float:
+    """Return the processor time of `summed` over that of NumPy's mean and variance."""
+    few = np.random.default_rng(0).poisson(5.0, (100, 512, 512)).astype(np.uint16)
+    frames = np.tile(few, (10, 1, 1))
+    summed(frames[:100], 1e-3, 0.0, is_binary=False)
+    ours = timed(lambda: summed(frames, 1e-3, 0.0, is_binary=False), time.process_time)
+    return ours / timed(lambda: (frames.mean(axis=0), frames.var(axis=0)), time.process_time)
+
+
 def scene_over_poisson(name: str) -> float:
     radiance = np.random.default_rng(0).uniform(0, 1e-9, (*SHAPE, 3)).astype(np.float32)
     bands = [(400.0, 500.0), (500.0, 600.0), (600.0, 700.0)]
@@ -209,6 +228,27 @@ def scene_over_poisson(name: str) -> float:
     draw = lambda: expose(radiance, bands, sensor, seed=0, stream="bench")  # noqa: E731
     means = expectation(radiance, bands, sensor).mean_events
     return ratio(draw, lambda: rng.poisson(means))
+
+
+def comparison_over_numpy() -> float:
+    sensor, shape = preset("ideal"), (1000, 512, 512)
+    rates = [np.full((1, *shape[1:]), counts / sensor.exposure_s) for counts in (0.0, 30.0)]
+    dark = 5 * np.random.default_rng(0).lognormal(0, 0.6, shape[1:]) / sensor.exposure_s
+    with tempfile.TemporaryDirectory() as folder:
+        np.save(f"{folder}/dark.npy", dark)
+        device = changed(sensor, measured={"dark_counts": f"{folder}/dark.npy"})
+        levels = []
+        for number, rate_hz in enumerate(rates):
+            frames = np.lib.format.open_memmap(f"{folder}/{number}.npy", "w+", np.uint16, shape)
+            for start in range(0, len(frames), 50):
+                rate = np.broadcast_to(rate_hz, (50, *shape[1:]))
+                drawn = expose_rate(rate, device, seed=1, stream=f"{number}, {start}")
+                frames[start : start + 50] = drawn.counts
+            levels.append(Level(frames, sensor.exposure_s, 1e6 * number))
+        model = Model(device, rates)
+        compare = lambda: compare_recordings(levels, model.drawn(levels, 0), model)  # noqa: E731
+        numpy = lambda: [(level.readings.mean(0), level.readings.var(0)) for level in levels]  # noqa: E731
+        return timed(compare, time.process_time) / timed(numpy, time.process_time)
 
 
 def line(name: str, values: list[float]) -> None:
@@ -245,7 +285,9 @@ if __name__ == "__main__":
         strict=True,
     ):
         line(name, list(values))
+    line("compared, mean and variance", [comparison_over_numpy()])
     line("stored, hdf5: bytes, ns, plain files", stored_event())
+    line("calibrated, mean and variance", [calibrated_over_numpy()])
     line(
         "radiance to counts, ideal, spadcam",
         [scene_over_poisson(name) for name in ("ideal", "spadcam")],

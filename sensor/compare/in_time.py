@@ -1,205 +1,449 @@
-"""Steadiness in time: repeated and missing frames, drift, flicker, banding, common noise.
+"""Faults in time: lost and odd frames, lag, drifts, steps, flicker, banding, noise that is shared.
 
-Without common fluctuations the mean over N pixels of standardized readings z (`residual`) has the
-variance 1/N in every frame, and its periodogram is exponential.
+Of independent frames, the mean over N pixels of standardized readings z (`residual`) has the
+variance 1/N in every frame, and its periodogram is exponential. A change in time is fitted to the
+frames of even number, and is one only if it predicts those of odd number.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from itertools import pairwise
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.stats import gamma, norm
 
-from megalopta.core.arrays import Floats, Ints
-from megalopta.sensor.calibrate.level import Drift, drift
+from megalopta.core.arrays import Floats, Ints, Mask, robust_sigma
 from megalopta.sensor.compare.residual import Residual, Standardized
 
 _CHANCE = 1e-6
 """Chance of a false line, or repetition, in one recording."""
-_DRIFT_Z = 5.0
-_SMALLEST_DRIFT = 0.01
-_CLEARLY_BETTER = 16.0
-_DRIFTING = {
+_FEWEST_FRAMES, _FEWEST_PIXELS = 16, 16
+_QUANTITIES = {
     "efficiency": "light",
     "step": "gain",
     "dark counts": "dark counts",
     "offset": "offset",
+    "light leak": "",
 }
-"""What drifts, by the parameter of the device that changes as it does"""
-_FEWEST_FRAMES, _FEWEST_PIXELS = 16, 16
+"""What changes in time, by the parameter of the device that acts like it; a leak is not told"""
+_REAL_GAIN, _CLEARLY_BETTER = 25.0, 16.0
+"""Gain of χ² of a change that is no chance, and of a quantity over the next"""
 _LOWEST_LINE = 3
 """Cycles per recording below which a line is a drift."""
+_CYCLES_BESIDE_DRIFT = 12.0
+"""Cycles per recording below which a line may be what a drift leaves."""
 _NOISE_Z = 6.0
 _SMALLEST_SHARE = 5e-4
 """Share of the variance of a pixel below which common noise is negligible."""
+_LAGS = 6
+FIRST = "the first frame is off as a whole"
+_SURE = -35.0
+"""Logarithm of the chance that a part of a frame is as it is."""
 
 
 def check_frames(level: Residual) -> None:
     """Note missing frames, and remove those that repeat the one before, if more than expected."""
     captured, expected = level.captured, level.expected
+    if captured.times_s is not None and len(captured.times_s) > 2:
+        missing = np.rint(np.diff(captured.times_s) / captured.interval_s) - 1
+        if places := int((missing > 0).sum()):
+            where = "in one place" if places == 1 else f"in {places} places"
+            text = f"{missing[missing > 0].sum():.0f} frames are missing {where}"
+            level.note("missing frames", text)
+    # pixels that never change, dead or saturated, show no repetition
+    changing = np.ptp(captured.recorded, axis=0) > 0
+    if not changing.any():
+        return
     same, usual = (
-        np.array(
-            [
-                # not all dark or all saturated
-                np.array_equal(before, frame) and np.ptp(before) > 0
-                for before, frame in pairwise(frames.recorded.reshape(len(frames.readings), -1))
-            ]
-        )
+        np.array([np.array_equal(*pair) for pair in pairwise(frames.recorded[:, changing])])
         for frames in (captured, expected)
     )
     # Laplace's rule: no repetition seen does not exclude one
     rate = (usual.mean() * len(expected.readings) + 1) / (len(expected.readings) + 2)
     z = (same.mean() - rate) / np.sqrt(rate * (1 - rate) / same.size)
-    if z > norm.isf(_CHANCE) and same.sum() > 1:
+    if z > norm.isf(_CHANCE) and same.sum() > 1 and usual.mean() < 0.1:
         text = f"{same.sum()} of {same.size + 1} frames repeat the one before"
         level.note("repeated frames", text)
-        level.captured = captured.at(np.append(True, ~same))
-    if captured.times_s is None or len(captured.times_s) < 3:
+        level.keep(np.append(True, ~same))
+
+
+def check_parts(level: Residual) -> None:
+    """Note parts of frames that are empty, full or old, and remove these frames.
+
+    A part is lost if all its pixels read alike, of which the chance is exp(`_SURE`).
+    """
+    frames, expected = level.captured.recorded, len(level.expected.readings)
+    n, rows, columns = frames.shape
+    tiles = {(1, columns), (rows, 1), (1, min(8, columns)), (min(8, rows), 1), (4, 4)}
+    lost = np.zeros(frames.shape, np.bool_)
+    for equal, usual_share in _alike(frames, level.expected.recorded):
+        log = np.log((usual_share * expected + 1) / (expected + 2))
+        # pixels that are always so are dead or stuck
+        equal &= equal.mean(axis=0) < 0.9
+        for down, right in tiles:
+            tall, wide = rows // down * down, columns // right * right
+            whole = n, tall // down, down, wide // right, right
+            is_whole = equal[:, :tall, :wide].reshape(whole).all(axis=(2, 4))
+            is_whole &= log[:tall, :wide].reshape(whole[1:]).sum(axis=(1, 3)) < _SURE
+            lost[:, :tall, :wide] |= is_whole.repeat(down, axis=1).repeat(right, axis=2)
+    # a frame of which nearly nothing is left is odd as a whole
+    lost &= (lost.mean(axis=(1, 2)) < 0.9)[:, None, None]
+    places = np.asarray(lost.any(axis=(1, 2)))
+    if not places.any():
         return
-    missing = np.rint(np.diff(captured.times_s) / captured.interval_s) - 1
-    places = int((missing > 0).sum())
-    if places:
-        where = "in one place" if places == 1 else f"in {places} places"
-        text = f"{missing[missing > 0].sum():.0f} frames are missing {where}"
-        level.note("missing frames", text)
+    text = f"parts of {places.sum()} of {n} frames are empty, full or old"
+    level.note("lost parts", f"{text}, {100 * lost.mean():.2g} % of all readings")
+    if places.mean() < 0.6:
+        level.keep(~places)
+    else:
+        level.masked = level.masked | lost.any(axis=0)
 
 
-def check_dependence(level: Residual) -> bool:
-    """Note correlation with the frame before that most pixels share, beyond what is expected."""
-    memories, readings, good = [], [], level.good
-    for frames in (level.captured, level.expected):
-        # beside what the pixels of a row share
-        z = Standardized.of(frames.signal, good).z
-        shared = z.mean(axis=2, keepdims=True)
-        z = z - shared * (z * shared).sum(axis=0) / np.maximum(np.square(shared).sum(axis=0), 1e-30)
-        power = np.square(z).sum(axis=0)
-        counts = frames.signal.sum(axis=0, dtype=np.float64)
-        tested = good & (power > 0) & (counts > 30.0)
-        memories.append(((z[1:] * z[:-1]).sum(axis=0) / np.maximum(power, 1e-30))[tested])
-        readings.append(len(frames.readings) * memories[-1].size)
-    if min(memory.size for memory in memories) < _FEWEST_PIXELS:
+def _alike(frames: NDArray[Any], usual: NDArray[Any]) -> Iterator[tuple[Mask, Floats]]:
+    """Where readings are those of an end of the range, or of the frame before; the usual share."""
+    for end in np.unique([0, frames.min(), frames.max(), usual.max()]):
+        yield frames == end, (usual == end).mean(axis=0)
+    first = np.zeros((1, *frames.shape[1:]), np.bool_)
+    yield np.concatenate((first, frames[1:] == frames[:-1])), (usual[1:] == usual[:-1]).mean(axis=0)
+
+
+def check_odd_frames(level: Residual) -> None:
+    """Remove and note frames that are off, by 5 σ and beyond expected ones, or once in a cycle."""
+    shown, known = level.standardized, Standardized.of(level.expected.signal, level.good)
+    n = len(shown.z)
+    if shown.varies.sum() < _FEWEST_PIXELS or n < _FEWEST_FRAMES:
+        return
+    off = np.zeros(n, np.bool_)
+    for seen, usual in zip(_mean_and_spread(shown), _mean_and_spread(known), strict=True):
+        middle = np.median(seen)
+        sigma = max(robust_sigma(seen - middle), float(usual.std()), 1e-12)
+        far = np.abs(seen - middle) / sigma
+        # a long tail is noise, not odd frames
+        if (far > 7.0).sum() > 2 * ((far > 3.5) & (far <= 7.0)).sum():
+            off |= far > max(5.0, float(np.abs(usual - usual.mean()).max() / sigma) * 1.2)
+    if off.mean() < 0.02:
+        cycle = _odd_of_cycle(shown, level.numbers)
+        off = off if cycle is None else cycle
+    runs = 1 + int((np.diff(np.flatnonzero(off)) > 1).sum())
+    # a change that lasts to the end, or from the start, is a step
+    lasts = runs == 1 and off.sum() > 3 and (off[0] or off[-1])
+    if not off.any() or off.mean() > 0.55 or lasts:
+        return
+    # those that are off in few rows or columns are not off as a whole
+    excess = np.where(shown.varies, np.square(shown.z[off].mean(axis=0)) - 1 / off.sum(), 0)
+    lines = excess.sum(axis=0), excess.sum(axis=1)
+    if any(np.median(line) <= 0.1 * line.max() for line in lines):
+        level.note("none", "parts of some frames are off")
+    elif off.sum() == 1 and off[0]:
+        level.note("odd frames", FIRST)
+    else:
+        steps = np.diff(level.numbers[off])
+        is_regular = off.sum() > 3 and (steps == steps[0]).mean() > 0.9 and steps[0] > 1
+        every = f", one in {steps[0]}" if is_regular else ""
+        level.note("odd frames", f"{off.sum()} of {n} frames are off as a whole{every}")
+    level.keep(~off)
+
+
+def _mean_and_spread(shown: Standardized) -> tuple[Floats, Floats]:
+    """Mean and variance over the pixels of z of each frame, (n,) each."""
+    square = np.minimum(np.square(shown.z), 50.0).sum(axis=(1, 2), dtype=np.float64)
+    return shown.mean, square / max(int(shown.varies.sum()), 1) - shown.mean**2
+
+
+def _odd_of_cycle(shown: Standardized, numbers: Ints) -> Mask | None:
+    """Frames of the one phase of a cycle of 2 to 12 frames that is off, if one is."""
+    series, odd, gain = shown.mean, None, 0.0
+    for length in range(2, 13):
+        phase = numbers % length
+        frames = np.bincount(phase, minlength=length)
+        if frames.min() < 3:
+            continue
+        means = np.bincount(phase, series, length) / frames
+        at = int(np.argmax(np.abs(means - np.median(means))))
+        rest, many = np.delete(means, at), int(frames[at])
+        of_cycle = many * (1 - many / len(series)) * float(means[at] - rest.mean()) ** 2
+        if of_cycle > gain and many * np.square(rest - rest.mean()).sum() < 0.1 * of_cycle:
+            odd, gain = phase == at, of_cycle
+    left = max(float(series.var()) - gain / len(series), 1 / float(shown.varies.sum()))
+    return odd if gain / left > 60.0 else None
+
+
+def check_lag(level: Residual) -> bool:
+    """Note lag, frames that contain a part of former ones: 6 σ in all pixels, or 7 σ in lines."""
+    signal, usual = level.captured.signal, level.expected.signal
+    near, slow, tested = _memory(level, signal, np.diff(level.numbers) == 1)
+    usual_near, usual_slow, is_known = _memory(level, usual, np.ones(len(usual) - 1) > 0)
+    tested &= is_known
+    if tested.sum() < _FEWEST_PIXELS:
         return False
-    share = float(np.median(memories[0]) - np.median(memories[1]))
+    change = near - usual_near
     # of a median, 1.2533 times that of a mean
-    error = 1.2533 * np.sqrt(1 / readings[0] + 1 / readings[1])
-    if abs(share) < max(_NOISE_Z * error, 0.01):
-        return False
-    text = (
-        f"readings of all pixels are correlated by {share:.2g} with those of the frame before, so "
-        "that neither parameters nor pixels are tested"
-    )
-    level.note("dependent frames", text)
+    error = 1.2533 * (1.25 / len(signal) + 1.25 / len(usual)) ** 0.5
+    share, where = float(np.median(change[tested])), "all pixels"
+    if abs(share) > max(_NOISE_Z * error / np.sqrt(tested.sum()), 0.004):
+        if share < 0.5 * float(np.median((slow - usual_slow)[tested])):
+            level.note("none", "pixels change slowly, each in its way")
+            return False
+    else:
+        for name, axis in (("row", 1), ("column", 0)):
+            number = tested.sum(axis=axis)
+            # pixels that are not tested come last
+            ranked = np.sort(np.where(tested, change, np.inf), axis=axis)
+            middle = np.expand_dims((number.clip(1) - 1) // 2, axis)
+            medians = np.take_along_axis(ranked, middle, axis).squeeze(axis)
+            far = np.abs(medians) > np.maximum(7 * error / np.sqrt(number.clip(1)), 0.02)
+            if lines := np.flatnonzero(far & (number > 3)).tolist():
+                where = f"{name}s {', '.join(map(str, lines[:8]))}"
+                share = float(change.take(lines, axis=1 - axis).mean())
+                break
+        else:
+            return False
+    text = f"readings of {where} are correlated by {share:.2g} with"
+    if share > 0:
+        level.note("lag", f"{text} those of the frame before, so that parameters are not tested")
+    else:
+        level.note("none", f"{text} the frame before")
+    level.inflation = 1 + 2 * _LAGS * min(abs(share), 0.5)
     return True
 
 
-def steady(levels: Sequence[Residual]) -> None:
-    """Remove and note the common fluctuations of levels."""
-    _remove_drifts(levels)
+def _memory(level: Residual, signal: NDArray[Any], is_next: Mask) -> tuple[Floats, Floats, Mask]:
+    """Correlations of pixels with their next reading and with later ones, and where they are known.
+
+    (rows, columns) each, beside what the pixels of a row share, and of the next reading beyond
+    those later; `is_next`, (n − 1,): no frame is lost between.
+    """
+    z = Standardized.of(signal, level.good).z
+    shared = z.mean(axis=2, keepdims=True)
+    z = z - shared * (z * shared).sum(axis=0) / np.maximum(np.square(shared).sum(axis=0), 1e-30)
+    power = np.square(z).sum(axis=0)
+    near = (z[1:] * z[:-1])[is_next].sum(axis=0) * is_next.size / max(is_next.sum(), 1)
+    # slow changes correlate frames far apart as much
+    far = np.mean([(z[lag:] * z[:-lag]).sum(axis=0) for lag in (9, 11, 13, 16)], axis=0)
+    tested = level.good & (power > 0) & (signal.sum(axis=0, dtype=np.float64) > 30.0)
+    power = np.maximum(power, 1e-30)
+    return (near - far) / power, far / power, tested
+
+
+class _Course(NamedTuple):
+    """Course in time of what all pixels of a level share."""
+
+    kind: str
+    """"drift of", "step of" or ""."""
+    values: Floats
+    """(n,) of mean 0 and span 1"""
+    gain: float
+    """Gain of χ² of frames that were not fitted"""
+
+
+def _course(level: Residual) -> _Course:
+    """Return the drift or step that predicts the frames of odd number best."""
+    standardized = level.standardized
+    series, n, numbers = standardized.mean, len(level.captured.readings), level.numbers
+    if n < 2 * _FEWEST_FRAMES or standardized.varies.sum() < _FEWEST_PIXELS:
+        return _Course("", np.zeros(n), 0.0)
+    # of blocks of 8, as frames may depend on those before; differences of blocks have no drift
+    blocks = np.array([part.mean() for part in np.array_split(series, n // 8)])
+    squares = 4 * np.square(np.diff(blocks))
+    noise = max(squares.mean(), np.median(squares) / 0.455, 0.5 / standardized.varies.sum())
+    time = (numbers - numbers[0])[:, None] / max(numbers[-1] - numbers[0], 1)
+    sums = np.cumsum(series[::2] - series[::2].mean())[:-1]
+    half = np.arange(1, sums.size + 1)
+    place = 2 * (int(np.argmax(sums**2 / (half * (1 - half / (sums.size + 1))))) + 1)
+    spectrum = np.abs(np.fft.rfft(series))[_LOWEST_LINE : n // 2]
+    angle = 2 * np.pi * (_LOWEST_LINE + int(np.argmax(spectrum))) / n * np.arange(n)[:, None]
+    courses = [
+        ("drift of", time),
+        ("drift of", np.cos(np.pi * np.arange(1, 4) * time)),
+        ("step of", (np.arange(n) >= place)[:, None] * 1.0),
+        ("", np.hstack((np.cos(angle), np.sin(angle)))),
+    ]
+    best = _Course("", np.zeros(n), 0.0)
+    for kind, columns in courses:
+        if kind == "step of" and not 3 <= place <= n - 3:
+            continue
+        design = np.hstack((np.ones((n, 1)), columns))
+        solution = np.linalg.lstsq(design[::2], series[::2], rcond=None)[0]
+        before = np.square(series[1::2] - series[::2].mean()).sum()
+        gain = float(before - np.square(series[1::2] - design[1::2] @ solution).sum()) / noise
+        if kind and gain > best.gain:
+            fitted = design @ np.linalg.lstsq(design, series, rcond=None)[0]
+            best = _Course(kind, (fitted - fitted.mean()) / (np.ptp(fitted) or 1.0), gain)
+        elif not kind and gain > 1.3 * best.gain:
+            return best._replace(gain=0.0)
+    return best
+
+
+def check_changes(levels: Sequence[Residual]) -> None:
+    """Note drifts and steps (χ² of other frames falls by 25), name what changes, take them out."""
+    courses = [_course(level) for level in levels]
+    # the clearest says how levels change in which it is not seen
+    clearest = max(courses, key=lambda course: course.gain)
+    if clearest.gain <= _REAL_GAIN:
+        return
+    slopes, errors = [], []
+    for number, (level, course) in enumerate(zip(levels, courses, strict=True)):
+        if course.gain <= _REAL_GAIN:
+            times, known = (np.linspace(0, 1, len(one.values)) for one in (course, clearest))
+            courses[number] = course._replace(values=np.interp(times, known, clearest.values))
+        values, signal = courses[number].values, np.asarray(level.captured.signal, np.float32)
+        power = max(float(np.square(values).sum()), 1e-12)
+        variance = signal.var(axis=0)[level.good].clip(1 / len(signal)) * level.inflation
+        slope = np.tensordot(values.astype(np.float32), signal, 1)[level.good] / power
+        slopes.append(np.asarray(slope, np.float64))
+        errors.append(np.asarray(np.sqrt(variance / power), np.float64))
+    quantity = _quantity(levels, slopes, errors)
+    name = _QUANTITIES.get(quantity, "readings")
+    verb = "drifts" if clearest.kind == "drift of" else "changes at once"
+    for level, course, slope, error in zip(levels, courses, slopes, errors, strict=True):
+        if course.gain <= _REAL_GAIN:
+            continue
+        course_ = course.values[:, None, None].astype(np.float32)
+        size, change = float(slope.mean()), np.zeros(level.good.shape)
+        change[level.good] = slope
+        if quantity:
+            part = level.parts[quantity]
+            reach = part[level.good] / error
+            size = float(reach @ (slope / error)) / max(float(reach @ reach), 1e-12)
+            change = size * part
+            level.doubt(quantity, abs(size))
+        level.doubt("variance", 0.3 * float(np.square(change[level.good]).mean()) / 12)
+        if quantity == "step":
+            remove_gain(level, size * course_)
+        else:
+            level.subtract(course_ * change.astype(np.float32))
+        direction = float(np.sign(course.values @ np.arange(len(course.values))))
+        amount = _amount(quantity or "offset", size * direction, "+")
+        level.note(f"{clearest.kind} {name}", f"{name} {verb} by {amount}")
+        if not quantity:
+            level.note("none", "what changes is none of the known causes")
+
+
+def remove_gain(level: Residual, excess: NDArray[Any]) -> None:
+    """Divide captured counts by a gain of 1 + excess, (n or 1, rows or 1, columns or 1)."""
+    level.captured = level.captured.moved(lambda counts: np.asarray(counts / (1 + excess)))
+    level.quiet.add("bit")
+
+
+def _quantity(
+    levels: Sequence[Residual], slopes: Sequence[Floats], errors: Sequence[Floats]
+) -> str:
+    """Return what changes by one amount in the good pixels (P,) of all levels, or "".
+
+    Slopes and their errors are counts. The best quantity leaves chance, or a tenth of χ², and is
+    clearly better than the next.
+    """
+    sigma = np.concatenate(errors)
+    z = np.concatenate(slopes) / sigma
+    # one hot or odd pixel proves nothing
+    before, left = np.minimum(z**2, 50.0).sum(), {}
+    for quantity in _QUANTITIES:
+        reach = np.concatenate([level.parts[quantity][level.good] for level in levels]) / sigma
+        size = float(reach @ z) / max(float(reach @ reach), 1e-12)
+        left[quantity] = float(np.minimum((z - size * reach) ** 2, 50.0).sum())
+    best, second = sorted(left, key=lambda quantity: left[quantity])[:2]
+    chance = z.size + 6 * (2 * z.size) ** 0.5
+    is_refuted = left[best] > chance + 0.1 * (before - left[best])
+    is_clear = left[second] - left[best] > _CLEARLY_BETTER and best != "light leak"
+    return best if is_clear and not is_refuted else ""
+
+
+def _amount(quantity: str, size: float, sign: str = "") -> str:
+    return f"{size:{sign}.2g} counts" if quantity == "offset" else f"{100 * size:{sign}.2g} %"
+
+
+def check_noise(levels: Sequence[Residual]) -> None:
+    """Remove flicker and banding (chance 1e-6) and noise that pixels share (6 σ), and note them."""
     for level in levels:
         _remove_lines(level)
-        standardized, change = level.standardized, level.parts[level.moving]
-        correlation, error = standardized.far_correlation()
-        if correlation > _NOISE_Z * error and correlation > _SMALLEST_SHARE:
-            reach = max(standardized.reach(change), 1e-12)
-            size = float(np.sqrt(correlation)) / reach
-            level.subtract((standardized.mean / reach)[:, None, None] * change)
-            _doubt_rest(level, size / np.sqrt(len(standardized.z)), 2 * size)
+        is_line = any(fault.kind in ("flicker", "row banding") for fault in level.faults)
+        signal, usual = level.captured.signal, level.expected.signal
+        shown, known = Standardized.of(signal, level.good), Standardized.of(usual, level.good)
+        share, error = _excess(shown.far_correlation(), known.far_correlation())
+        if share > max(_NOISE_Z * error, _SMALLEST_SHARE):
+            if is_line or not _is_white(shown.mean):
+                level.note("none", "all pixels fluctuate together, and not at random")
+                continue
+            reach = max(shown.reach(level.parts[level.moving]), 1e-12)
+            size = share**0.5 / reach
+            # the noise of counting of the mean stays
+            kept = min(float(known.mean.std() / max(shown.mean.std(), 1e-12)), 1.0)
+            removed = ((1 - kept) * shown.mean / reach)[:, None, None]
+            level.subtract(removed * level.parts[level.moving])
+            _doubt_rest(level, size / np.sqrt(len(shown.z)), 2 * size)
             amount = _amount(level.moving, size)
             level.note("common noise", f"all pixels fluctuate together by {amount}")
-        signal = level.captured.signal
+        if is_line:
+            continue
         # between the peaks of the comb, noise of the readout is not hidden by that of counting;
         # what was subtracted has moved the peaks
         is_readout_seen = level.captured.codes is not None and not level.uncertainty
-        _note_line_noise(level, standardized, signal)
+        _note_shared(level, shown, known)
         if is_readout_seen:
-            signal = np.asarray(signal - np.rint(signal), np.float32)
-            _note_line_noise(level, Standardized.of(signal, level.good), signal)
+            fractions = (np.asarray(part - np.rint(part), np.float32) for part in (signal, usual))
+            _note_shared(level, *(Standardized.of(part, level.good) for part in fractions))
 
 
-def _remove_drifts(levels: Sequence[Residual]) -> None:
-    standardized = [level.standardized for level in levels]
-    drifts = [drift(readings.mean) for readings in standardized]
-    if not any(abs(change.z) > _DRIFT_Z for change in drifts):
-        return
-    pairs = list(zip(levels, standardized, strict=True))
-    reach = {
-        parameter: np.array([readings.reach(level.parts[parameter]) for level, readings in pairs])
-        for parameter in _DRIFTING
-    }
-    causes = _drifting(levels, drifts, reach)
-    shape = causes[0] if len(causes) == 1 else "step"
-    name = {1: _DRIFTING[causes[0]], 2: "light or gain"}.get(len(causes), "readings")
-    for at, (level, change) in enumerate(zip(levels, drifts, strict=True)):
-        relative = 2 * change.change / max(reach["step"][at], 1e-12)
-        is_seen = abs(change.z) > _DRIFT_Z and abs(relative) > _SMALLEST_DRIFT
-        if not is_seen or reach[shape][at] <= 0:
-            continue
-        size, counts = 2 * change.change / reach[shape][at], level.parts[shape]
-        ramp = np.linspace(-0.5, 0.5, len(level.captured.readings))
-        level.subtract(size * ramp[:, None, None] * counts)
-        for cause in causes:
-            in_counts = abs(size) * float(counts.mean())
-            level.doubt(cause, in_counts if cause == "offset" else abs(size))
-        amount = f"{size:+.2g} counts" if causes == ("offset",) else f"{100 * size:+.2g} %"
-        level.note(f"drift of {name}", f"{name} drifts by {amount}")
+def _note_shared(level: Residual, shown: Standardized, known: Standardized) -> None:
+    """Note noise that all pixels, or those of a row or column, share, each kind once."""
+    common, error = shown.far_correlation()
+    for name, pixels in (
+        ("common", "all pixels"),
+        ("row", "pixels of each row"),
+        ("column", "pixels of each column"),
+    ):
+        share, sigma, is_random = common, error, _is_white(shown.mean)
+        if name != "common":
+            share, sigma = _excess(shown.line_correlation(name), known.line_correlation(name))
+            share, sigma = share - max(common, 0.0), float(np.hypot(sigma, error))
+            is_random = _are_independent(shown, name)
+        is_new = f"{name} noise" not in {fault.kind for fault in level.faults}
+        if is_new and is_random and share > max(_NOISE_Z * sigma, _SMALLEST_SHARE):
+            noise = share * float(np.square(shown.sigma[level.good]).mean())
+            level.uncertainty["variance"] = level.uncertainty.get("variance", 0.0) + 2 * noise
+            level.uncertainty["read noise"] = 2 * noise
+            level.quiet.add("bit")
+            level.note(f"{name} noise", f"{pixels} fluctuate together by {noise**0.5:.2g} counts")
 
 
-def _drifting(
-    levels: Sequence[Residual], drifts: Sequence[Drift], reach: dict[str, Floats]
-) -> tuple[str, ...]:
-    """Parameter whose drift by one amount fits all levels clearly best, or those that may be it."""
-    is_dark = np.array([level.captured.is_dark for level in levels])
-    change, error = np.array([(drift.change, max(drift.error, 1e-12)) for drift in drifts]).T
-    moved = np.abs(change / error) > _DRIFT_Z
-    if not (moved & is_dark).any():
-        # darkness would show as large a drift of the gain
-        seen = change[moved] / np.maximum(reach["step"][moved], 1e-12)
-        would = np.abs(seen).min() * reach["step"][is_dark] / error[is_dark]
-        return ("efficiency",) if (would > _DRIFT_Z).any() else ("efficiency", "step")
-    misfit = {}
-    for parameter, reached in reach.items():
-        use = reached / error
-        size = float((use * change / error).sum() / max((use**2).sum(), 1e-300))
-        # recordings may drift by different amounts: of those that a cause moves, a tenth is free
-        slack = np.hypot(error, 0.1 * size * reached)
-        misfit[parameter] = float((((change - size * reached) / slack) ** 2).sum())
-    if all(level.captured.codes is None for level in levels):
-        del misfit["offset"]
-    best, second = sorted(misfit, key=lambda parameter: misfit[parameter])[:2]
-    is_clear = misfit[second] - misfit[best] > _CLEARLY_BETTER
-    fits = misfit[best] < 5 * len(drifts) + _CLEARLY_BETTER
-    return (best,) if is_clear and fits else tuple(_DRIFTING)
+def _excess(seen: tuple[float, float], usual: tuple[float, float]) -> tuple[float, float]:
+    """Captured less expected correlation, and its standard error."""
+    return seen[0] - usual[0], float(np.hypot(seen[1], usual[1]))
 
 
 def _remove_lines(level: Residual) -> None:
-    moving, captured = level.moving, level.captured
-    change, n = level.parts[moving], len(captured.readings)
-    # lost frames count: they would break the phase of a line
-    places = np.arange(n)
-    if captured.times_s is not None and n > 1:
-        timed = np.rint((captured.times_s - captured.times_s[0]) / captured.interval_s)
-        if (np.diff(timed) > 0).all() and timed[-1] < 4 * n:  # not if most are lost
-            places = timed.astype(np.int64)
+    """Note up to three lines of the spectrum of all pixels, or of rows, and subtract them."""
+    moving, n = level.moving, len(level.captured.readings)
+    change = level.parts[moving]
+    is_drifting = any(fault.kind.startswith(("drift", "step")) for fault in level.faults)
     for _ in range(3):
-        standardized = level.standardized
-        line = _strongest(standardized, places)
+        # lost frames count: they would break the phase of a line
+        shown, places = level.standardized, level.numbers
+        line = _strongest(shown, places)
         if line is None:
             return
         cycles, is_banding = line
+        if is_drifting and cycles * n < _CYCLES_BESIDE_DRIFT:
+            level.note("none", "what drifts does so unevenly")
+            return
         angle = 2 * np.pi * cycles * places
         waves = np.stack([np.cos(angle), np.sin(angle)], axis=1)
-        sums, pixels = standardized.z.sum(axis=2), standardized.varies.sum(axis=1)
-        if not is_banding:
-            sums, pixels = sums.sum(axis=1, keepdims=True), np.array([pixels.sum()])
-        series = sums / np.maximum(pixels, 1)
-        fitted = waves @ np.linalg.lstsq(waves, series, rcond=None)[0]
-        fitted = fitted / max(standardized.reach(change), 1e-12)
+        series, name = shown.mean[:, None], "flicker"
+        if is_banding:
+            series = shown.z.sum(axis=2) / np.maximum(shown.varies.sum(axis=1), 1)
+        amplitudes = np.linalg.lstsq(waves, series, rcond=None)[0]
+        if is_banding:
+            phasors = amplitudes[0] + 1j * amplitudes[1]
+            seen = phasors[np.abs(phasors) > 0.5 * np.abs(phasors).max()]
+            # rows of one phase see one flicker
+            name = "row banding" if np.abs(seen.mean()) < 0.93 * np.abs(seen).mean() else name
+        fitted = waves @ amplitudes / max(shown.reach(change), 1e-12)
         level.subtract(fitted[:, :, None] * change)
         size = float(np.sqrt(2 * np.square(fitted).mean()))
         _doubt_rest(level, size / (np.pi * max(cycles * n, 1.0)), size)
-        name = "row banding" if is_banding else "flicker"
-        text = f"{name} of {cycles / captured.interval_s:.3g} Hz, ±{_amount(moving, size)}"
-        level.note(name, text)
+        hertz = cycles / level.captured.interval_s
+        level.note(name, f"{name} of {hertz:.3g} Hz, ±{_amount(moving, size)}")
 
 
 def _doubt_rest(level: Residual, left: float, removed: float) -> None:
@@ -209,31 +453,27 @@ def _doubt_rest(level: Residual, left: float, removed: float) -> None:
     level.doubt("variance", 0.2 * counts**2 / 2)
 
 
-def _amount(moving: str, size: float) -> str:
-    return f"{size:.2g} counts" if moving == "offset" else f"{100 * size:.2g} %"
-
-
 def _strongest(standardized: Standardized, places: Ints) -> tuple[float, bool] | None:
     """Cycles per frame of the strongest line of all pixels, or of rows (true), if no chance."""
     n, per_row = int(places[-1]) + 1, standardized.varies.sum(axis=1)
     used = per_row > 0
-    bands = int(used.sum()) - 1
-    if bands < 0 or len(standardized.z) < _FEWEST_FRAMES:
+    if not used.any() or len(standardized.z) < _FEWEST_FRAMES:
         return None
-    rows = np.zeros((n, bands + 1), standardized.z.dtype)
+    rows = np.zeros((n, int(used.sum())), standardized.z.dtype)
     rows[places] = standardized.z.sum(axis=2)[:, used] / np.sqrt(per_row[used])
     weight = np.sqrt(per_row[used] / per_row.sum())
     spectra = np.fft.rfft(rows, axis=0)[_LOWEST_LINE : (n + 1) // 2]
     common = spectra @ weight
-    power = np.square(np.abs(common)) / n
-    of_rows = np.square(np.abs(spectra - common[:, None] * weight)).sum(axis=1) / n
-    p_common, p_rows = _chance(power, 1), _chance(of_rows, bands)
-    at = int(np.argmin(np.minimum(p_common, p_rows)))
-    if min(p_common[at], p_rows[at]) * 2 * power.size > _CHANCE:
+    of_rows = np.square(np.abs(spectra - common[:, None] * weight)).sum(axis=1)
+    power = np.array([np.square(np.abs(common)), of_rows]) / n
+    chance = np.array([_chance(power[0], 1), _chance(power[1], rows.shape[1] - 1)])
+    chance *= power.shape[1]
+    at = int(np.argmin(chance.min(axis=0)))
+    if 2 * chance[:, at].min() > _CHANCE:
         return None
-    if (np.minimum(p_common, p_rows) == 0).sum() > 1:
-        at = int(np.argmax(power + of_rows))
-    is_banding = bool(p_rows[at] * power.size < _CHANCE and of_rows[at] > 0.2 * power[at])
+    if (chance.min(axis=0) == 0).sum() > 1:
+        at = int(np.argmax(power.sum(axis=0)))
+    is_banding = bool(chance[1, at] < _CHANCE and power[1, at] > 0.2 * power[0, at])
     series = rows if is_banding else (rows @ weight)[:, None]
     cycles, width = float(at + _LOWEST_LINE), 1.0
     for _ in range(2):
@@ -244,30 +484,32 @@ def _strongest(standardized: Standardized, places: Ints) -> tuple[float, bool] |
     return cycles / n, is_banding
 
 
-def _chance(power: Floats, series: int) -> Floats:
+def _chance(power: Floats, series: float) -> Floats:
     """Chances of as much power of so many independent series, relative to the median."""
     if not series:
         return np.ones_like(power)
-    scale = max(float(np.median(power)) / float(gamma.median(series)), 1e-300)
+    # rows that fluctuate together are fewer
+    low, middle, high = np.quantile(power, (0.25, 0.5, 0.75))
+    series = min(series, max((1.349 * middle / max(high - low, 1e-300)) ** 2, 0.5))
+    scale = max(float(middle) / float(gamma.median(series)), 1e-300)
     return np.asarray(gamma.sf(power / scale, series))
 
 
-def _note_line_noise(level: Residual, standardized: Standardized, signal: Floats) -> None:
-    """Note noise that all pixels, or those of a row or column, share, once."""
-    variance = np.asarray(signal, np.float32).var(axis=0)[level.good]
-    common, error = standardized.far_correlation()
-    lines = {}
-    for name in ("row", "column"):
-        share, of_line = standardized.line_correlation(name)
-        lines[name] = share - max(common, 0.0), np.hypot(of_line, error)
-    for kind, pixels, (excess, sigma) in (
-        ("common noise", "all pixels", (common, error)),
-        ("row noise", "pixels of each row", lines["row"]),
-        ("column noise", "pixels of each column", lines["column"]),
-    ):
-        is_new = kind not in {fault.kind for fault in level.faults}
-        if is_new and excess > max(_NOISE_Z * sigma, _SMALLEST_SHARE):
-            noise = excess * float(variance.mean())
-            level.uncertainty["variance"] = level.uncertainty.get("variance", 0.0) + 2 * noise
-            level.uncertainty["read noise"] = 2 * noise
-            level.note(kind, f"{pixels} fluctuate together by {np.sqrt(noise):.2g} counts")
+def _are_independent(standardized: Standardized, name: str) -> bool:
+    """Return whether the means of rows, or columns, fluctuate independently of each other."""
+    lines = standardized.z.sum(axis=2 if name == "row" else 1, dtype=np.float64)
+    lines = lines - lines.mean(axis=1, keepdims=True)
+    size = np.sqrt(np.square(lines).sum(axis=0))
+    lines = lines[:, size > 0] / size[size > 0]
+    many = lines.shape[1]
+    if many < 4:
+        return False
+    alike = (lines.T @ lines)[np.triu_indices(many, 1)] + 1 / (many - 1)
+    return bool(np.square(alike).mean() < 2.0 / len(lines))
+
+
+def _is_white(series: Floats) -> bool:
+    """Return whether values (n,) do not depend on those before."""
+    z = (series - series.mean()) / max(float(series.std()), 1e-12)
+    shares = [float((z[lag:] * z[:-lag]).mean()) for lag in range(1, 2 * _LAGS)]
+    return bool(np.abs(shares).max() < 5.0 / np.sqrt(len(z)))

@@ -1,29 +1,22 @@
-"""Faults of lines and single pixels, and uneven light, from deviations of the means of pixels.
+"""Faults in space: lines, blocks, single pixels, uneven light, leaks, by the means of pixels.
 
-Uneven light is a surface of mean 0 in the lit recordings; a smooth efficiency would look the same.
+Each is fitted to the frames of even number, by the quantity that changes all levels by one amount;
+the one that predicts those of odd number best is named and taken out, until none does clearly.
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 
-from megalopta.core.arrays import Floats, Mask, mean_and_variance, robust_sigma
+from megalopta.core.arrays import Floats, Ints, Mask, mean_and_variance, robust_sigma
 from megalopta.sensor.calibrate.pixels import constant_pixels, dead_pixels
 from megalopta.sensor.compare.faults import Fault, listed, pixels_of
-from megalopta.sensor.compare.residual import Residual
-
-
-class Deviations(NamedTuple):
-    """Means of good pixels at one level less the robust parabola through expected ones."""
-
-    counts: Floats
-    """(rows, columns)"""
-    error: Floats
-    good: Mask
-    parts: dict[str, Floats]
-    """As of the level"""
-    is_dark: bool
+from megalopta.sensor.compare.in_time import remove_gain
+from megalopta.sensor.compare.left import left_of
+from megalopta.sensor.compare.residual import LEAK_HZ, Residual
 
 
 def unresponsive(levels: Sequence[Residual]) -> tuple[Mask, list[Fault]]:
@@ -38,168 +31,282 @@ def unresponsive(levels: Sequence[Residual]) -> tuple[Mask, list[Fault]]:
         for recordings in (captured, expected)
     )
     dead = dead_pixels(counts, reference)
-    stuck = frozen & ~dead
-    faults = []
-    single = dead | stuck
+    silent = dead | frozen
+    faults, single = [], silent.copy()
     for name, axis in (("row", 1), ("column", 0)):
         # the fault is the line's, not the pixels'
-        lines = (dead | stuck).mean(axis=axis) > 0.75
+        lines = silent.mean(axis=axis) > 0.75
         if lines.any() and not lines.all():
             plural = name + ("s" if lines.sum() > 1 else "")
-            text = f"dead {plural} {listed(np.flatnonzero(lines))}"
-            faults.append(Fault(f"dead {name}", text))
-            single &= ~(lines[:, None] if name == "row" else lines[None, :])
+            faults.append(Fault(f"dead {name}", f"dead {plural} {listed(np.flatnonzero(lines))}"))
+            single &= ~np.expand_dims(lines, axis)
     if (single & dead).any():
         faults.append(Fault("dead pixel", f"dead {pixels_of(single & dead)}"))
-    if (single & stuck).any():
-        reading = captured[0].recorded[0][single & stuck]
+    if (stuck := single & ~dead).any():
         kind = "reading" if captured[0].codes is None else "code"
-        text = f"stuck {pixels_of(single & stuck)}, at {kind} {listed(reading)}"
-        faults.append(Fault("stuck pixel", text))
-    return dead | stuck, faults
+        at = f"at {kind} {listed(captured[0].recorded[0][stuck])}"
+        faults.append(Fault("stuck pixel", f"stuck {pixels_of(stuck)}, {at}"))
+    return silent, faults
 
 
-def deviations(level: Residual) -> Deviations:
-    """Return the deviations of the pixels of a level."""
+def deviations(level: Residual, first: int = 0, step: int = 1) -> tuple[Floats, Floats]:
+    """Means of good pixels less the robust parabola through expected ones, and their errors.
+
+    Counts (rows, columns), of every so many-th captured frame.
+    """
     good = level.good
     means, squares = [], np.square(np.broadcast_to(level.error, good.shape)).astype(float)
-    for recording in (level.captured, level.expected):
-        mean, variance = mean_and_variance(recording.signal)
-        frames = len(recording.signal)
+    for signal in (level.captured.signal[first::step], level.expected.signal):
+        mean, variance = mean_and_variance(signal)
+        frames = len(signal) / level.inflation
         squares += np.maximum(variance, mean.clip(0)) / frames + 1 / frames**2
         means.append(mean)
     difference, sigma = means[0] - means[1], np.sqrt(squares)
-    scale = max(float(np.abs(means[1]).max()), 1e-12)
+    # of drawn frames, chance would correlate the difference with what it is compared to
+    known = level.parts["step"]
+    scale = max(float(known.max()), 1e-12)
     # the four neighbors, whose crosstalk is no fault of a pixel; 0 beyond the border
-    wide = np.pad(means[1], 1)
+    wide = np.pad(known, 1)
     neighbors = wide[:-2, 1:-1] + wide[2:, 1:-1] + wide[1:-1, :-2] + wide[1:-1, 2:]
     columns = np.stack(
-        [*((means[1] / scale) ** power for power in range(3)), neighbors / scale], axis=-1
+        [*((known / scale) ** power for power in range(3)), neighbors / scale], axis=-1
     )
     trend = columns @ _robust_fit(columns[good], difference[good], sigma[good])
     # pixels that counted nothing may have counted as much as the trend
     sigma = np.sqrt(squares + np.abs(trend) / len(level.captured.readings))
-    counts = np.where(good, difference - trend, 0)
-    z = counts[good] / sigma[good]
-    scatter = max(robust_sigma(z), 1.0) if z.size else 1.0
-    return Deviations(counts, scatter * sigma, good, level.parts, level.captured.is_dark)
+    return np.where(good, difference - trend, 0), sigma
 
 
 def _robust_fit(columns: Floats, values: Floats, sigma: Floats) -> Floats:
     """Combination of columns nearest to values, by iterated least squares (Huber's weights)."""
     weight: Floats = 1 / sigma
     solution: Floats = np.zeros(columns.shape[-1])
-    for _ in range(8):
+    for _ in range(5):
         weighted = columns * weight[:, None]
-        solution = np.asarray(np.linalg.lstsq(weighted, values * weight, rcond=None)[0])
+        normal = np.linalg.pinv(weighted.T @ weighted, hermitian=True)
+        solution = np.asarray(normal @ (weighted.T @ (values * weight)))
         left = np.abs(values - columns @ solution) / sigma
         weight = np.asarray(1 / sigma / np.sqrt(np.maximum(left, 1)))
     return solution
 
 
-def uneven_light(deviating: Sequence[Deviations]) -> tuple[Floats, Fault] | None:
-    """Return light relative to its mean, less 1, (rows, columns), if it is uneven."""
-    lit = [level for level in deviating if not level.is_dark]
-    if not lit:
-        return None
-    y, x = np.meshgrid(*(np.linspace(-1, 1, side) for side in lit[0].good.shape), indexing="ij")
-    shapes = np.stack((x, y, x * y, x**2, y**2), axis=-1)
-    shapes -= shapes.mean(axis=(0, 1))
-    columns, values, sigma = (
-        np.concatenate([part[level.good] for part, level in zip(maps, lit, strict=True)])
-        for maps in (
-            [shapes * level.parts["efficiency"][:, :, None] for level in lit],
-            [level.counts for level in lit],
-            [level.error for level in lit],
-        )
-    )
-    if len(values) < 50:
-        return None
-    solution = _robust_fit(columns, values, sigma)
-    surface = np.asarray(shapes @ solution)
-    span = float(np.ptp(surface))
-    # of five coefficients; chance exceeds it once in 1e11
-    if np.sum((columns @ solution / sigma) ** 2) < 60.0 or span < 0.03:
-        return None
-    return surface, Fault(
-        "uneven light", f"the light is uneven, by {100 * span:.2g} % over the array"
-    )
+def _huber(z: Floats) -> Floats:
+    """Squares of z, and lines beyond 4 (Huber)."""
+    far = np.abs(z)
+    return np.asarray(np.where(far < 4, far**2, 8 * far - 16))
 
 
-_NAMES = {"step": "gain", "efficiency": "efficiency", "dark counts": "dark count rate"}
+_LEAST_GAIN = 30.0
+"""Gain of χ² of frames that were not fitted, from which a pattern is real."""
+_MOST_PATTERNS = 24
+_MOST_FITTED = 2**13
+"""Pixels of a part to which a quantity is fitted"""
+_WAVES = 7
+"""Cosines in each direction of which uneven light is made"""
+_MINOR = 0.03
+"""Share of the first pattern's gain below which another may be what it leaves."""
+_LARGE = 1.0
+"""Doubt of what also changes with a pattern of a large part."""
 
 
-def odd_lines(
-    deviating: Sequence[Deviations], volts_per_count: float
-) -> tuple[list[Floats], Mask, list[Fault]]:
-    """Find rows and columns that differ.
+class _Pattern(NamedTuple):
+    """Change of one quantity in one part of the array, or by a smooth surface."""
 
-    Returns the counts (rows, columns) of each offset, other odd lines' pixels, and faults.
-    """
-    shape = deviating[0].good.shape
-    offsets, masked, faults = [], np.zeros(shape, np.bool_), []
-    for axis, name in ((0, "row"), (1, "column")):
-        z = np.array([_line_z(level, axis) for level in deviating])
-        for index in np.flatnonzero((np.abs(z) > 6.0).any(axis=0)):
-            line = np.zeros(shape, np.bool_)
-            line[(index,) if axis == 0 else (slice(None), index)] = True
-            # best of four causes, and its size
-            cause, size, smallest = "offset", 0.0, np.inf
-            for parameter in ("offset", "efficiency", "dark counts", "step"):
-                products = squares = total = 0.0
-                for level in deviating:
-                    use = line & level.good
-                    x, y = level.parts[parameter][use], level.counts[use]
-                    w = 1 / level.error[use] ** 2
-                    products += float((w * x * y).sum())
-                    squares += float((w * x * x).sum())
-                    total += float((w * y * y).sum())
-                if squares > 0 and total - products**2 / squares < smallest:
-                    cause, size = parameter, products / squares
-                    smallest = total - products**2 / squares
-            if cause == "offset" and abs(size) >= 0.05:  # counts
-                offsets.append(np.where(line, size, 0.0))
-                unit = f"{size:+.2g} counts"
-                if volts_per_count:  # counts lower the output
-                    unit = f"{-1e3 * size * volts_per_count:+.2g} mV"
-                faults.append(Fault(f"{name} offset", f"{name} {index} is offset by {unit}"))
-            elif cause != "offset" and abs(size) >= 0.03:  # relative
-                masked |= line
-                text = f"{_NAMES[cause]} of {name} {index} differs by {100 * size:+.2g} %"
-                faults.append(Fault(f"odd {name}", text))
-    return offsets, masked, faults
+    part: str
+    """"row", "column", "block" or "surface"."""
+    text: str
+    columns: Floats
+    """(rows, columns, k) maps that change together"""
+    places: tuple[Ints, ...]
+    """Rows and columns of its pixels, of many the evenly spaced ones, that are fitted"""
+    quantity: str
+    """Parameter of the device, as of `Residual.parts`"""
+    sizes: Floats = np.zeros(1)
+    gain: float = 0.0
+    """Gain of χ² of frames that were not fitted"""
+
+    @property
+    def surface(self) -> Floats:
+        """Change of the quantity, (rows, columns)."""
+        return np.asarray(self.columns @ self.sizes)
+
+    def fitted(
+        self, levels: Sequence[Residual], halves: Sequence[Sequence[tuple[Floats, Floats]]]
+    ) -> "_Pattern":
+        """Fit the sizes to one half of the frames; the gain is the other's."""
+        columns: list[list[Floats]] = [[], []]
+        values: list[list[Floats]] = [[], []]
+        for level, of_level in zip(levels, halves, strict=True):
+            good = level.good[self.places]
+            use = self.places[0][good], self.places[1][good]
+            reach = self.columns[use] * level.parts[self.quantity][use][:, None]
+            for half, (counts, error) in enumerate(of_level):
+                columns[half].append(reach / error[use][:, None])
+                values[half].append(counts[use] / error[use])
+        (design, other), (z, seen) = map(np.concatenate, columns), map(np.concatenate, values)
+        clear = np.abs(design.T @ z.clip(-4, 4)) > 3 * np.sqrt(np.square(design).sum(axis=0))
+        if len(z) < 4 or not clear.any():
+            return self._replace(sizes=np.zeros(self.columns.shape[2]))
+        sizes = _robust_fit(design, z, np.ones_like(z))
+        # a hot pixel is no pattern
+        gain = _huber(seen).sum() - _huber(seen - other @ sizes).sum()
+        return self._replace(sizes=sizes, gain=float(gain))
+
+    def fault(self, volts_per_count: float) -> Fault:
+        """Say which part differs."""
+        size, span = float(self.sizes[0]), float(np.ptp(self.surface))
+        if self.part == "surface" and self.quantity == "light leak":
+            text = f"light leaks in, unevenly, by up to {span * LEAK_HZ:.2g} detections per second"
+            return Fault("light leak", text)
+        if self.part == "surface":
+            text = f"the light is uneven, by {100 * span:.2g} % over the array"
+            return Fault("uneven light", text)
+        amount = f"{100 * size:+.2g} %"
+        if self.quantity == "offset":
+            # counts lower the output
+            volts = f"{-1e3 * size * volts_per_count:+.2g} mV"
+            amount = volts if volts_per_count else f"{size:+.2g} counts"
+            if self.part != "block":
+                return Fault(f"{self.part} offset", f"{self.text} is offset by {amount}")
+        name = {"step": "gain", "dark counts": "dark count rate"}.get(self.quantity, self.quantity)
+        return Fault(f"odd {self.part}", f"{name} of {self.text} differs by {amount}")
 
 
-def _line_z(level: Deviations, axis: int) -> Floats:
-    """Median of z over the good pixels of each line, in its standard errors."""
-    lines = np.where(level.good, level.counts / level.error, np.nan)
-    lines = lines if axis == 0 else lines.T
-    number = np.isfinite(lines).sum(axis=1)
-    medians = np.zeros(len(lines))
-    enough = number > 3
-    if enough.any():
-        medians[enough] = np.nanmedian(lines[enough], axis=1)
-    medians -= np.median(medians)
-    # lines of hot pixels scatter more than counting explains
-    scatter = robust_sigma(medians)
-    return np.asarray(medians / np.maximum(1.2533 / np.sqrt(np.maximum(number, 1)), scatter))
+def _patterns(shape: tuple[int, int], quantities: Sequence[str]) -> list[_Pattern]:
+    """Quantities of parts that a readout treats alike, and smooth surfaces of light."""
+    row, column = np.ogrid[: shape[0], : shape[1]]
+    parts = [("block", "the fields of a chessboard", (row + column) % 2 == 0)]
+    for name, index, side in (("row", row, shape[0]), ("column", column, shape[1])):
+        parts += [(name, f"{name} {line}", index == line) for line in range(side)]
+        parts += [
+            ("block", f"even {name}s", index % 2 == 0),
+            ("block", f"odd {name}s", index % 2 == 1),
+        ]
+        for pieces in (2, 4):
+            for start, end in pairwise((side * np.arange(pieces + 1) // pieces).tolist()):
+                text = f"{name}s {start} to {end - 1}"
+                parts.append(("block", text, (index >= start) & (index < end)))
+    for pieces in (2, 4):
+        tall, wide = max(shape[0] // pieces, 1), max(shape[1] // pieces, 1)
+        for down, right in np.ndindex(pieces, pieces):
+            inside = (row // tall == down) & (column // wide == right)
+            text = f"a block of {tall} × {wide} pixels from ({down * tall}, {right * wide})"
+            parts.append(("block", text, inside))
+    patterns = []
+    for part, text, inside in parts:
+        columns, places = np.broadcast_to(inside, shape)[:, :, None], _places(inside, shape)
+        patterns += [_Pattern(part, text, columns, places, quantity) for quantity in quantities]
+    everywhere = _places(np.ones((1, 1), np.bool_), shape)
+    y, x = np.meshgrid(*(np.linspace(-1, 1, side) for side in shape), indexing="ij")
+    rough = np.stack((x, y, x * y, x**2, y**2), axis=-1)
+    waves = [
+        np.cos(np.pi * down * (y + 1) / 2) * np.cos(np.pi * right * (x + 1) / 2)
+        for down, right in np.ndindex(*(min(_WAVES, side // 2) for side in shape))
+    ]
+    for shapes in (rough, np.stack(waves[1:], axis=-1)):
+        shapes = shapes - shapes.mean(axis=(0, 1))
+        for quantity in ("light leak", "efficiency"):
+            patterns.append(_Pattern("surface", "", shapes, everywhere, quantity))
+    return patterns
+
+
+def _places(mask: Mask, shape: tuple[int, int]) -> tuple[Ints, ...]:
+    """Rows and columns of marked pixels; of many, every so many-th, by an odd number."""
+    flat = np.flatnonzero(np.broadcast_to(mask, shape))
+    return np.unravel_index(flat[:: flat.size // _MOST_FITTED | 1], shape)
+
+
+def check_patterns(levels: Sequence[Residual]) -> tuple[list[Fault], float]:
+    """Name the parts of the array that differ, and take them out; return the gain of χ², too."""
+    if not any(level.good.sum() > 50 for level in levels):
+        return [], 0.0
+    is_dark = {level.captured.is_dark for level in levels}
+    quantities = ["offset", "step", *["efficiency"] * (False in is_dark)]
+    quantities += ["dark counts"] * (True in is_dark)
+    candidates = _patterns(levels[0].masked.shape, quantities)
+    accepted: list[_Pattern] = []
+    others: list[Fault] = []
+    while len(accepted) < _MOST_PATTERNS and any(level.good.any() for level in levels):
+        halves = [[deviations(level, half, 2) for half in (0, 1)] for level in levels]
+        fits = [pattern.fitted(levels, halves) for pattern in candidates]
+        best = max(fits, key=lambda fit: fit.gain)
+        # a simple part rather than a surface that is little better
+        simple = max(fits, key=lambda fit: fit.gain * (fit.part != "surface"))
+        best = simple if simple.gain > 0.85 * best.gain - 10 else best
+        size = float(np.ptp(np.append(best.surface, 0.0)))
+        if best.gain < _LEAST_GAIN or size < (0.02 if best.quantity == "offset" else 0.005):
+            break
+        if accepted and best.gain < _MINOR * accepted[0].gain:
+            break
+        if best.quantity == "offset":
+            # a line of which one cannot tell is odd
+            same = [fit for fit in fits if fit.columns is best.columns and fit.quantity != "offset"]
+            rival = max(same, key=lambda fit: fit.gain)
+            best = rival if rival.gain > best.gain - 9 else best
+        if sum(fit.columns is best.columns for fit in accepted) > 1:
+            others.append(Fault("none", f"{best.part}s do not explain the means of pixels"))
+            break
+        accepted.append(best)
+        others += _take_out(best, levels)
+    volts = levels[0].model.volts_per_count if levels[0].captured.codes is not None else 0.0
+    named = [fit.fault(volts) for fit in accepted]
+    return named + others, sum(fit.gain for fit in accepted)
+
+
+def _take_out(pattern: _Pattern, levels: Sequence[Residual]) -> list[Fault]:
+    """Undo what a pattern does, and mask a small part; say if it is not all that differs there."""
+    others = []
+    surface, quantity = pattern.surface, pattern.quantity
+    inside = pattern.columns[:, :, 0] > 0
+    is_small = pattern.part != "surface" and inside.mean() < 0.2
+    for number, level in enumerate(levels):
+        if not is_small:
+            for doubted in (quantity, *["dark counts"] * (quantity == "light leak")):
+                level.doubt(doubted, _LARGE)
+        if quantity == "offset":
+            level.subtract(surface.astype(np.float32))
+        elif quantity == "step":
+            remove_gain(level, surface)
+        else:
+            of_one: Floats | float = LEAK_HZ
+            if quantity == "efficiency":
+                of_one = level.rate_hz
+            elif quantity == "dark counts":
+                of_one = level.parts[quantity] / level.expected.exposure_s
+            level.rate_hz = np.maximum(level.rate_hz + surface * of_one, 0.0)
+            level.redraw(100 + number)
+        if is_small:
+            if left_of(replace(level, masked=level.masked | ~inside), ("bit",)):
+                others.append(Fault("none", f"{pattern.text} differ in other ways, too"))
+            level.masked = level.masked | inside
+    return others
 
 
 def odd_pixels(levels: Sequence[Residual]) -> tuple[Mask, list[Fault]]:
-    """Mark and describe single pixels that deviate."""
-    hot, odd = np.zeros((2, *levels[0].masked.shape), np.bool_)
+    """Mark and describe single pixels that deviate by 8 σ and a tenth of their mean."""
+    hot, odd, less = np.zeros((3, *levels[0].masked.shape), np.bool_)
     for level in levels:
-        deviating = deviations(level)
-        reference = level.expected.signal.mean(axis=0, dtype=np.float64)
-        far = deviating.good & (np.abs(deviating.counts) > 8.0 * deviating.error)
-        far &= np.abs(deviating.counts) > 0.1 * np.maximum(reference, 0)
+        counts, error = deviations(level)
+        z = (counts / error)[level.good]
+        scatter = max(robust_sigma(z), 1.0) if z.size else 1.0
+        far = level.good & (np.abs(counts) > 8.0 * scatter * error)
+        far &= np.abs(counts) > 0.1 * np.maximum(level.expected_mean, 0)
         odd |= far
-        if deviating.is_dark:
-            hot |= far & (deviating.counts > deviating.parts["dark counts"])
+        less |= counts < 0
+        if level.captured.is_dark:
+            hot |= far & (counts > level.parts["dark counts"])
+    # beyond 2 % of all, they are no single ones
+    if odd.sum() > max(0.02 * odd.size, 6):
+        return np.zeros_like(odd), []
+    less &= odd & ~hot
+    if hot.any() and less.any():
+        # as if pixels had changed places
+        text = f"{pixels_of(hot)} count more, and {pixels_of(less)} less"
+        return hot | odd, [Fault("none", text)]
     faults = []
     if hot.any():
         faults.append(Fault("hot pixel", f"hot {pixels_of(hot)}"))
     if (odd & ~hot).any():
         text = f"{pixels_of(odd & ~hot)} differ in their mean from all others"
         faults.append(Fault("deviating pixel", text))
-    return hot | odd, faults
+    return odd, faults

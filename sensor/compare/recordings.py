@@ -5,16 +5,21 @@ Each step leaves to the next what it cannot explain.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from megalopta.core.arrays import Floats, Mask
 from megalopta.core.quantities import with_error
 from megalopta.sensor.calibrate.level import Level
 from megalopta.sensor.calibrate.pixels import correlation
+from megalopta.sensor.calibrate.statistics import statistics
 from megalopta.sensor.compare import faults as readout, in_time, pattern, two_sample
 from megalopta.sensor.compare.causes import Causes, find_causes
-from megalopta.sensor.compare.model import Model, level_of_codes
+from megalopta.sensor.compare.faults import Fault
+from megalopta.sensor.compare.left import Left, Whole, left_of_all, strength, unsteady
+from megalopta.sensor.compare.model import Model, one_by_one
 from megalopta.sensor.compare.residual import Residual
 
 FALSE_ALARMS = 0.01
@@ -22,6 +27,8 @@ FALSE_ALARMS = 0.01
 MARGIN = 0.05
 """Negligible relative difference."""
 _FAMILIES = 5
+SOFT = ("odd block", "uneven light", "light leak")
+"""Faults that are none if much is left that nothing explains"""
 _FEWEST_FRAMES = 3 * two_sample.BLOCKS
 
 
@@ -40,6 +47,8 @@ class Comparison:
     tests: Mapping[str, two_sample.PixelTest]
     """Tests of mean and variance of pixels at all levels, (levels, rows, columns)"""
     margin: float
+    left: tuple[Left, ...] = ()
+    """What no fault explains, before parameters were fitted"""
 
     @property
     def causes(self) -> tuple[two_sample.Difference, ...]:
@@ -77,28 +86,34 @@ class Comparison:
 
     @property
     def sentence(self) -> str:
-        """Verdict on the device with its sizes, and then the faults of the recording."""
-        faults = self._faults
-        small = self.alarms[len(faults) :]
-        if self.causes:
-            alternatives = self.explained.accepted[1:]
-            or_else = "".join(f", or else {' and '.join(other.names)}" for other in alternatives)
-            sizes = "; ".join(map(str, self.causes))
-            verdict = f"The captured device differs: {sizes}{or_else} (95 % CI)."
+        """Agrees, differs by faults and parameters with their sizes, or unexplained; then why."""
+        alternatives = self.explained.accepted[1:]
+        or_else = "".join(f", or else {' and '.join(other.names)}" for other in alternatives)
+        sizes = [f"{'; '.join(map(str, self.causes))}{or_else} (95 % CI)"] if self.causes else []
+        differs = "; ".join([*self._faults, *sizes])
+        if differs:
+            rest = f", and in something else: {_NONE}" if self.explained.is_unexplained else ""
+            verdict = f"Captured and simulated frames differ: {differs}{rest}."
         elif self.explained.is_unexplained:
             verdict = f"Captured and simulated frames differ; {_NONE}."
         elif not self.differences:
             verdict = "Neither parameters nor pixels can be compared."
-        elif small:
-            largest = max(self.significant, key=lambda difference: difference.size, default=None)
-            is_other = largest and str(largest) != small[0]
-            limit = f"; of the device, at most: {largest}" if is_other else ""
-            verdict = f"Differences are statistically significant but small: {small[0]}{limit}."
+        elif self.alarms:
+            verdict = f"Differences are statistically significant but small: {self.alarms[0]}."
         else:
             verdict = f"{agreement('frames', self.differences)}."
-        if not faults:
-            return verdict
-        return f"{verdict} Found before, and not counted in this: {'; '.join(faults)}."
+        return " ".join([verdict, *self._evidence])
+
+    @property
+    def _evidence(self) -> list[str]:
+        """Gain in predicting other frames, or the largest of what is left."""
+        if self.explained.gain > 2:
+            times = f"{self.explained.gain:.0f} times" if self.explained.gain < 1000 else "far"
+            return [f"Frames that were not fitted are predicted {times} better with this."]
+        if not (self.explained.is_unexplained and self.left):
+            return []
+        largest = max(self.left, key=lambda one: one.z)
+        return [f"Most is left of this: {largest.name} ({largest.level}; {largest.z:.0f} σ)."]
 
 
 _NONE = "none of the known causes explains the difference"
@@ -131,7 +146,8 @@ def compare_recordings(
     Parameters
     ----------
     captured, expected : sequence of Level
-        The same levels in the same order; numbers of frames may differ.
+        The same levels in the same order; numbers of frames may differ. Of more than 2²⁴ captured
+        readings, the first frames are compared one by one, and the moments of all of them.
     model : Model
         Device that the expected recordings are of.
     margin : float
@@ -156,6 +172,11 @@ def compare_recordings(
             )
         if min(n, m) < _FEWEST_FRAMES:
             raise ValueError(f"{min(n, m)} frames; compare {_FEWEST_FRAMES} or more")
+    whole = [
+        None if is_scene or one_by_one(level) is level else Whole.of(level.signal)
+        for level in captured
+    ]
+    captured = captured if is_scene else [one_by_one(level) for level in captured]
     if all((level.readings == level.readings[:1]).all() for level in (*captured, *expected)):
         raise ValueError(
             "no reading of any pixel changes, captured or simulated: the counters are full or "
@@ -169,60 +190,117 @@ def compare_recordings(
             captured, expected, model.rates_hz, errors, strict=True
         )
     ]
-    # frames and codes
+    order, faults = _faults_of_readout(levels)
+    causes, left = Causes(), []
+    if not is_scene:
+        faults += _faults_in_time(levels)
+        left = [one for level in levels for one in unsteady(level)]
+        if not faults:
+            for level, all_ in zip(captured, whole, strict=True):
+                left += all_.unsteady(level) if all_ else []
+        # of frames that depend on those before, or change, nothing is tested that assumes otherwise
+        kinds = {fault.kind for fault in faults}
+        if "lag" in kinds or "none" in kinds or left:
+            left = [] if "lag" in kinds else left
+            causes = Causes(is_unexplained=bool(left) or "none" in kinds)
+        else:
+            in_space, gain = _faults_in_space(levels)
+            left = left_of_all(levels)
+            faults += in_space
+            is_left = bool(left) or "none" in {fault.kind for fault in in_space}
+            errors_ = _calibration_errors(levels)
+            causes = find_causes(levels, margin=margin, calibration=errors_, is_left=is_left)
+            is_much = strength(left) > max(0.05 * gain, 100.0) or causes.is_different
+            is_much |= "none" in {fault.kind for fault in in_space}
+            if causes.is_unexplained and is_much:
+                faults = [fault for fault in faults if fault.kind not in SOFT]
+            left = [] if causes.accepted else left
+    is_tested = causes.p_forgiven < 1 or is_scene
+    # what was taken out of some frames is still in all of them
+    samples = [
+        all_.pixels if all_ and level.captured is first else two_sample.Sample.of(
+            level.captured.readings
+        )
+        for all_, level, first in zip(whole, levels, captured, strict=True)
+    ]  # fmt: skip
+    tests = _pixel_tests(levels, samples, is_tested)
+    faults = [fault for fault in faults if fault.kind != "none"]
+    return Comparison(order, tuple(faults), causes, causes.alone, tests, margin, tuple(left))
+
+
+def _faults_of_readout(levels: Sequence[Residual]) -> tuple[readout.Arrangement, list[Fault]]:
+    """Order of the pixels, and faults that readings show exactly, which are taken out."""
     for level in levels:
         in_time.check_frames(level)
-    faults = _merged(levels)
-    of_codes = _check_codes(levels)
-    faults += of_codes
-    # order of the pixels; the dark level of the most counts shows the pattern best
+    unresponsive_pixels, unresponsive = pattern.unresponsive(levels)
+    _mask(levels, unresponsive_pixels)
+    faults = _merged(levels) + unresponsive
+    copied = False
+    for level in levels:
+        in_time.check_parts(level)
+    faults += _merged(levels)
+    for level in levels:
+        first, second = (_few(frames.recorded) for frames in (level.captured, level.expected))
+        masked, copies = readout.copied_lines(first, second, level.good)
+        _mask(levels, masked)
+        faults += [fault for fault in copies if fault.kind not in {known.kind for known in faults}]
+        copied |= bool(copies)
+    # the dark level of the most counts shows the pattern best
     clearest = max(
         levels, key=lambda level: float(level.expected.readings.sum()) * level.expected.is_dark
     )
     order = readout.arrangement(
-        clearest.captured.readings.mean(axis=0), clearest.expected.readings.mean(axis=0)
+        *(frames.readings.mean(axis=0) for frames in (clearest.captured, clearest.expected))
     )
-    for level in levels if order.is_other else ():
+    for level in levels if order.is_other and not copied else ():
         level.captured = level.captured.mapped(order.undone)
-    # dead and stuck pixels, which are masked
-    masked, unresponsive = pattern.unresponsive(levels)
-    _mask(levels, masked)
-    faults += unresponsive
-    causes, are_dependent = Causes(), False
-    if not is_scene:
-        # steadiness; of frames that depend on those before, no test that assumes otherwise is made
-        dependences = [in_time.check_dependence(level) for level in levels]
-        are_dependent = any(dependences)
-        if not are_dependent:
-            in_time.steady(levels)
-        # of uneven codes, readings change as noise of some codes would change them
-        is_uneven = any(fault.kind in ("missing codes", "uneven codes") for fault in of_codes)
-        for level in levels:
-            if is_uneven and not are_dependent:
-                level.uncertainty["read noise"] = model.counts_per_code**2
-        faults += _merged(levels)
-        uneven = pattern.uneven_light([pattern.deviations(level) for level in levels])
-        if uneven is not None:
-            surface, fault = uneven
-            faults.append(fault)
-            for level in levels:
-                level.subtract((surface * level.parts["efficiency"]).astype(np.float32))
-        faults += _check_pixels(levels, are_dependent)
-        if not are_dependent:
-            causes = find_causes(levels, margin=margin, calibration=_calibration_errors(levels))
-    # tests of every pixel that is left
-    p_values: dict[str, list[Floats]] = {"mean": [], "variance": []}
+    if order.is_other:
+        _mask(levels, np.asarray(order.undone(unresponsive_pixels[None])[0]))
+    return order, faults + _check_readings(levels)
+
+
+def _faults_in_time(levels: Sequence[Residual]) -> list[Fault]:
+    """Faults in time, which are taken out."""
     for level in levels:
-        recordings = level.captured.readings, level.expected.readings
-        sample, reference = (two_sample.Sample.of(readings) for readings in recordings)
-        is_tested = level.good & (not are_dependent)
-        p = two_sample.mean_test(sample, reference, level.error)
-        p_values["mean"].append(np.where(is_tested, p, np.nan))
-        p = two_sample.variance_test(sample, reference)
-        p_values["variance"].append(np.where(is_tested, p, np.nan))
+        in_time.check_odd_frames(level)
+    in_time.check_changes(levels)
+    lags = [in_time.check_lag(level) for level in levels]
+    unknown = any(fault.kind == "none" for level in levels for fault in level.faults)
+    if not any(lags) and not unknown:
+        in_time.check_noise(levels)
+    faults = _merged(levels)
+    if any(lags):  # the first frame has none before
+        return [fault for fault in faults if not fault.text.startswith(in_time.FIRST)]
+    return faults + _check_telegraph(levels)
+
+
+def _faults_in_space(levels: Sequence[Residual]) -> tuple[list[Fault], float]:
+    """Faults of parts of the array and of pixels, which are taken out, and their gain of χ²."""
+    patterns, gain = pattern.check_patterns(levels)
+    alone, of_pixels = pattern.odd_pixels(levels)
+    _mask(levels, alone)
+    return patterns + of_pixels, gain
+
+
+def _pixel_tests(
+    levels: Sequence[Residual], captured: Sequence[two_sample.Sample], is_tested: bool
+) -> dict[str, two_sample.PixelTest]:
+    """Test mean and variance of every pixel that is left."""
+    p_values: dict[str, list[Floats]] = {"mean": [], "variance": []}
+    for level, first in zip(levels, captured, strict=True):
+        second = two_sample.Sample.of(level.expected.readings)
+        good = level.good & is_tested
+        error = np.hypot(level.error, level.doubted)
+        p_values["mean"].append(np.where(good, two_sample.mean_test(first, second, error), np.nan))
+        p = two_sample.variance_test(first, second, level.error)
+        p_values["variance"].append(np.where(good, p, np.nan))
     rate = FALSE_ALARMS / _FAMILIES
-    pixel_tests = {name: two_sample.discoveries(np.array(p), rate) for name, p in p_values.items()}
-    return Comparison(order, tuple(faults), causes, causes.alone, pixel_tests, margin)
+    return {name: two_sample.discoveries(np.array(p), rate) for name, p in p_values.items()}
+
+
+def _few(readings: NDArray[Any]) -> NDArray[Any]:
+    """Frames of big arrays that are enough for distributions and copies: 2²² readings."""
+    return readings[: max(2**22 // max(readings[0].size, 1), 16)]
 
 
 def _mask(levels: Sequence[Residual], pixels: Mask) -> None:
@@ -230,52 +308,59 @@ def _mask(levels: Sequence[Residual], pixels: Mask) -> None:
         level.masked = level.masked | pixels
 
 
-def _check_codes(levels: Sequence[Residual]) -> list[readout.Fault]:
-    """Faults of bits and codes of the ADC; stuck bits are put into expected codes."""
+def _check_readings(levels: Sequence[Residual]) -> list[Fault]:
+    """Faults of the range, bits and codes of readings; the expected ones get the same."""
     captured, expected = (
-        [recording.codes for recording in recordings if recording.codes is not None]
-        for recordings in zip(*((level.captured, level.expected) for level in levels), strict=True)
+        [getattr(level, side).recorded for level in levels] for side in ("captured", "expected")
     )
-    if not captured or not expected:
+    if any(readings.dtype.kind not in "iu" for readings in (*captured, *expected)):
         return []
-    histograms = readout.code_histograms(captured, expected)
-    stuck = readout.stuck_bits(histograms)
-    if not stuck:
-        return readout.uneven_codes(histograms)
-    for level in levels:
-        known = level.expected
-        if known.codes is not None:
-            codes, conditions = known.codes, (known.exposure_s, known.light_hz, known.times_s)
-            for bit, is_one in stuck.items():
-                mask = codes.dtype.type(1 << bit)
-                codes = codes | mask if is_one else codes & ~mask
-            level.expected = level_of_codes(codes, level.model.sensor, *conditions)
-    return [
-        readout.Fault("stuck bit", f"bit {bit} of the ADC is stuck at {int(is_one)}")
-        for bit, is_one in stuck.items()
-    ]
-
-
-def _check_pixels(levels: Sequence[Residual], are_dependent: bool) -> list[readout.Fault]:
-    """Telegraph noise, lines and single pixels, which are masked, or subtracted."""
-    flickering, known = np.zeros((2, *levels[0].masked.shape), np.bool_)
-    for level in levels if not are_dependent else ():
-        flickering |= correlation(level.captured.signal, level.good).is_telegraph
-        known |= correlation(level.expected.signal, level.good).is_telegraph
-    _mask(levels, flickering | known)
-    has_codes = levels[0].captured.codes is not None
-    volts = levels[0].model.volts_per_count if has_codes else 0.0
-    offsets, odd, faults = pattern.odd_lines([pattern.deviations(level) for level in levels], volts)
-    for counts in offsets:
+    good = ~levels[0].masked
+    faults = []
+    few = [list(map(_few, readings)) for readings in (captured, expected)]
+    for fault, spoil in readout.range_of(few[0], few[1], good):
+        faults.append(fault)
         for level in levels:
-            level.subtract(counts.astype(np.float32))
-    _mask(levels, odd)
-    alone, of_pixels = pattern.odd_pixels(levels)
-    _mask(levels, alone)
-    if (flickering & ~known).any():
-        text = f"telegraph noise in {readout.pixels_of(flickering & ~known)}"
-        faults.append(readout.Fault("telegraph noise", text))
-    return faults + of_pixels
+            level.read_out(spoil)
+    expected = [level.expected.recorded for level in levels]
+    bits = readout.Bits.of(captured, expected)
+    if stuck := bits.faults(good):
+        for level in levels:
+            level.read_out(bits.put)
+        return faults + stuck
+    faults = faults or readout.uneven_codes(captured, expected)
+    for level in levels if faults else ():
+        # readings change as noise of some codes would change them
+        level.uncertainty["read noise"] = level.model.counts_per_code**2
+        level.quiet.add("bit")
+    return faults
+
+
+def _check_telegraph(levels: Sequence[Residual]) -> list[Fault]:
+    """Telegraph noise of single pixels, which are masked."""
+    flickering, known = np.zeros((2, *levels[0].masked.shape), np.bool_)
+    for level in levels:
+        flickering |= correlation(statistics(level.captured.signal), level.good).is_telegraph
+        known |= correlation(statistics(level.expected.signal), level.good).is_telegraph
+    _mask(levels, flickering | known)
+    new = flickering & ~known
+    if not new.any():
+        return []
+    series = [np.asarray(level.captured.signal[:, new], np.float32) for level in levels]
+    if new.sum() > max(0.03 * new.size, 8) or any(_move_together(part) for part in series):
+        return [Fault("none", f"{new.sum()} pixels fluctuate slowly")]
+    return [Fault("telegraph noise", f"telegraph noise in {readout.pixels_of(new)}")]
+
+
+def _move_together(series: NDArray[Any]) -> bool:
+    """Return whether pixels (n, P) change slowly and together, as no traps do."""
+    slow = np.array([part.mean(axis=0) for part in np.array_split(series, len(series) // 8)])
+    slow -= slow.mean(axis=0)
+    size = np.sqrt(np.square(slow).sum(axis=0))
+    slow = slow[:, size > 0] / size[size > 0]
+    many = slow.shape[1]
+    alike = np.square(slow.T @ slow).sum() - many
+    return many > 2 and bool(alike / (many * (many - 1)) > 0.2)
 
 
 def _calibration_errors(levels: Sequence[Residual]) -> dict[str, float]:
@@ -289,7 +374,7 @@ def _calibration_errors(levels: Sequence[Residual]) -> dict[str, float]:
     return errors
 
 
-def _merged(levels: Sequence[Residual]) -> list[readout.Fault]:
+def _merged(levels: Sequence[Residual]) -> list[Fault]:
     """One fault of each kind, with the recordings in which it is seen, of those noted so far."""
     merged = []
     for kind in dict.fromkeys(fault.kind for level in levels for fault in level.faults):
@@ -299,7 +384,7 @@ def _merged(levels: Sequence[Residual]) -> list[readout.Fault]:
         )  # fmt: skip
         # of the last recording the first, which is the strongest
         text = next(fault.text for fault in seen[-1].faults if fault.kind == kind)
-        merged.append(readout.Fault(kind, f"{text}, {where}"))
+        merged.append(Fault(kind, f"{text}, {where}"))
     for level in levels:
         level.faults.clear()
     return merged

@@ -3,20 +3,23 @@
 Readings of a pixel are standardized, z = (x − mean)/σ, so that no bright or noisy pixel dominates.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from megalopta.core.arrays import Floats, Mask
+from megalopta.core.arrays import Floats, Ints, Mask
 from megalopta.sensor.calibrate.level import Level
 from megalopta.sensor.compare.faults import Fault
-from megalopta.sensor.compare.model import Model
+from megalopta.sensor.compare.model import Model, level_of_codes
 
 _FAR = 4
 _SMALL = 0.01
+LEAK_HZ = 100.0
+"""Detections of light that leaks in, to which leaks are relative, Hz."""
 
 
 class Standardized(NamedTuple):
@@ -89,7 +92,13 @@ class Residual:
     uncertainty: dict[str, float] = field(default_factory=dict)
     """What fluctuations leave uncertain, by parameter of the device, and of the variance, counts²;
     relative, but of offsets in counts"""
+    quiet: set[str] = field(default_factory=set)
+    """Statistics that are not tested, by the words that they begin with"""
+    inflation: float = 1.0
+    """Variance of means over that of independent frames"""
     faults: list[Fault] = field(default_factory=list)
+    readout: list[Callable[[NDArray[Any]], NDArray[Any]]] = field(default_factory=list)
+    """What the captured readout does to readings, codes or counts, and so to the expected ones"""
 
     @property
     def good(self) -> Mask:
@@ -105,16 +114,42 @@ class Residual:
     def parts(self) -> dict[str, Floats]:
         """Change of the mean counts (rows, columns) if a parameter changes by its own size.
 
-        Of the step, by that of all counts; of an offset, by one count.
+        Of the step, by that of all counts; of an offset, by one count; of a leak, by `LEAK_HZ`.
         """
         exposure_s, light_hz = self.expected.exposure_s, self.light_hz
         mean = self.model.moments(exposure_s, light_hz)[0]
-        brighter, darker = (
-            (self.model.moments(exposure_s, light_hz, parameter, _SMALL)[0] - mean) / _SMALL
-            for parameter in ("efficiency", "dark counts")
+        leak_hz = LEAK_HZ
+        brighter, darker, leaking = (
+            (self.model.moments(exposure_s, light_hz, parameter, _SMALL * size)[0] - mean) / _SMALL
+            for parameter, size in (("efficiency", 1), ("dark counts", 1), ("light leak", leak_hz))
         )
-        offset = np.ones_like(mean)
-        return {"step": mean, "efficiency": brighter, "dark counts": darker, "offset": offset}
+        return {
+            "step": mean,
+            "efficiency": brighter,
+            "dark counts": darker,
+            "offset": np.ones_like(mean),
+            "light leak": leaking,
+        }
+
+    @property
+    def expected_mean(self) -> Floats:
+        """Expected mean readings, (rows, columns)."""
+        return _moments(self.expected)[0]
+
+    @property
+    def expected_sigma(self) -> Floats:
+        """Expected σ of readings (rows, columns), at least that of an event in all frames."""
+        return _moments(self.expected)[1]
+
+    @property
+    def numbers(self) -> Ints:
+        """Number of each captured frame, counting lost ones, (n,)."""
+        times_s, n = self.captured.times_s, len(self.captured.readings)
+        if times_s is None or n < 2:
+            return np.arange(n)
+        timed = np.rint((times_s - times_s[0]) / self.captured.interval_s).astype(np.int64)
+        # not if most are lost
+        return timed if (np.diff(timed) > 0).all() and timed[-1] < 4 * n else np.arange(n)
 
     @property
     def standardized(self) -> Standardized:
@@ -130,14 +165,65 @@ class Residual:
 
     def subtract(self, change: Floats | NDArray[np.float32]) -> None:
         """Subtract counts (n or 1, rows, columns) from the captured frames."""
-        level = self.captured
-        signal = np.asarray(level.signal - change, np.float32)
-        if level.unrounded is None:
-            self.captured = replace(level, readings=signal)
-            return
-        moved = np.rint(signal.clip(0)) - np.rint(np.asarray(level.unrounded).clip(0))
-        readings = np.maximum(level.readings + moved, 0)
-        self.captured = replace(level, unrounded=signal, readings=readings)
+        self.quiet.add("bit")
+        self.captured = self.captured.moved(lambda counts: counts - change)
+
+    def keep(self, frames: Mask) -> None:
+        """Keep some captured frames, (n,)."""
+        self.captured = self.captured.at(frames)
+
+    def redraw(self, seed: int, **changes: float) -> None:
+        """Draw the expected frames of a changed device, or of changed light."""
+        self.__dict__.pop("light_hz", None)
+        self.__dict__.pop("parts", None)
+        self.expected = self.model.draw(self.expected, self.rate_hz, seed, "again, ", changes)
+        readout, self.readout = self.readout, []
+        for spoil in readout:
+            self.read_out(spoil)
+
+    def read_out(self, spoil: Callable[[NDArray[Any]], NDArray[Any]]) -> None:
+        """Do to the expected readings what the captured readout does."""
+        self.readout.append(spoil)
+        self.expected = self.spoiled(spoil)
+
+    def spoiled(self, spoil: Callable[[NDArray[Any]], NDArray[Any]]) -> Level:
+        """Return the expected frames after a change of their readings, codes or counts."""
+        known = self.expected
+        if known.codes is None:
+            readings = known.readings
+            return replace(known, readings=np.asarray(spoil(readings), readings.dtype))
+        codes = np.asarray(spoil(known.codes), known.codes.dtype)
+        conditions = known.exposure_s, known.light_hz, known.times_s
+        return level_of_codes(codes, self.model.sensor, *conditions)
+
+    def doubts(self, kind: str) -> float:
+        """Return what is uncertain of the mean z of all good pixels, or of a mean product."""
+        good, sigma = self.good, np.maximum(self.expected_sigma, 1e-6)
+        if kind != "mean":
+            known = float(np.square(self.error[good] / sigma[good] ** 2).sum()) ** 0.5
+            doubted = self.uncertainty.get("variance", 0.0) / float(np.square(sigma[good]).mean())
+            moved_ = [
+                self.uncertainty.get(name, 0.0) for name in ("efficiency", "dark counts", "step")
+            ]
+            return float(np.hypot(np.hypot(known / max(good.sum(), 1), doubted), max(moved_)))
+        moved = [
+            size * self.parts[name] / sigma
+            for name, size in self.uncertainty.items()
+            if name in self.parts
+        ]
+        doubted = float(np.square([shift[good].mean() for shift in moved]).sum()) ** 0.5
+        # what the errors of a calibration do to the mean of so many pixels
+        known = float(np.square((self.error / sigma)[good]).sum()) ** 0.5 / max(good.sum(), 1)
+        return float(np.hypot(doubted, known))
+
+    @property
+    def doubted(self) -> Floats:
+        """Return the uncertainty of the means of pixels, counts (rows, columns)."""
+        squares = np.zeros(self.masked.shape)
+        for name, size in self.uncertainty.items():
+            if name in self.parts:
+                squares += np.square(size * self.parts[name])
+        return np.asarray(np.sqrt(squares))
 
     def doubt(self, parameter: str, size: float) -> None:
         """Note a further uncertainty of a parameter."""
@@ -146,3 +232,11 @@ class Residual:
     def note(self, kind: str, text: str) -> None:
         """Note a fault."""
         self.faults.append(Fault(kind, text))
+
+
+@lru_cache(maxsize=32)
+def _moments(level: Level) -> tuple[Floats, Floats]:
+    """Mean and σ of readings, (rows, columns)."""
+    mean = np.asarray(level.signal.mean(axis=0, dtype=np.float64))
+    sigma = np.asarray(level.signal, np.float32).std(axis=0)
+    return mean, np.maximum(sigma, len(level.readings) ** -0.5).astype(np.float64)

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import binom, false_discovery_control, norm, t
+from scipy.stats import binom, f, false_discovery_control, norm, t
 
 from megalopta.core.arrays import Floats, Mask, mean_and_variance
 from megalopta.core.quantities import short, with_error
@@ -80,15 +80,25 @@ def mean_test(captured: Sample, expected: Sample, error: Floats | float = 0.0) -
     return np.where((sigma == 0) & ~few, np.where(change == 0, 1.0, 0.0), p)
 
 
-def variance_test(captured: Sample, expected: Sample) -> Floats:
-    """Return p-values (rows, columns) of equal variances; NaN where counts are too few."""
-    squares, known = np.zeros(captured.mean.shape), np.ones(captured.mean.shape, np.bool_)
-    logs = []
+def variance_test(captured: Sample, expected: Sample, error: Floats | float = 0.0) -> Floats:
+    """Return p-values (rows, columns) of equal variances; NaN where counts are too few.
+
+    `error` is the standard error of the expected mean, which Poisson's variance shares.
+    """
+    known, logs, squares = np.ones(captured.mean.shape, np.bool_), [], []
     for mean, variance, frames in (captured, expected):
         known &= (mean > _LEAST_MEAN) & (variance > 0)
-        squares += 2 / (frames - 1) + 1 / (frames * np.maximum(mean, _LEAST_MEAN))
+        at_least = np.maximum(mean, _LEAST_MEAN)
+        doubt = np.square(error) / at_least**2 / 2
+        squares.append(2 / (frames - 1) + 1 / (frames * at_least) + doubt)
         logs.append(np.log(np.where(variance > 0, variance, 1)))
-    return np.where(known, 2 * norm.sf(np.abs(logs[0] - logs[1]) / np.sqrt(squares)), np.nan)
+    change = logs[0] - logs[1]
+    p = 2 * norm.sf(np.abs(change) / np.sqrt(squares[0] + squares[1]))
+    # the logarithm of a variance of few frames is skewed
+    far = known & (p < 1e-3)
+    ratio = np.exp(change[far].clip(-700, 700)), 2 / squares[0][far], 2 / squares[1][far]
+    p[far] = np.minimum(2 * np.minimum(f.cdf(*ratio), f.sf(*ratio)), 1)
+    return np.where(known, p, np.nan)
 
 
 class Difference(NamedTuple):

@@ -296,6 +296,14 @@ def together(one, other):
 
 def said(found):
     """Faults and causes that a comparison names."""
-    names = {fault.kind for fault in found.faults} | {cause.name for cause in found.causes}
+    kinds = {fault.kind for fault in found.faults}
+    # "drift of light or gain" names both
+    names = {f"{words[0]}{name}" for kind in kinds for words in [_words(kind)] for name in words[1]}
+    names |= {cause.name for cause in found.causes}
     names |= {"order"} if found.arrangement.is_other else set()
     return names | ({"none"} if found.explained.is_unexplained else set())
+
+
+def _words(kind):
+    head, of, names = kind.rpartition(" of ")
+    return head + of, names.split(" or ")

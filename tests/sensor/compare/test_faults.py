@@ -8,6 +8,7 @@ import pytest
 from megalopta.sensor import changed, preset
 from megalopta.sensor.compare.model import Model
 from megalopta.sensor.compare.recordings import compare_recordings
+from megalopta.sensor.spad.device import draw_fixed_pattern
 
 from .faulty import (
     CAMERAS,
@@ -37,14 +38,21 @@ PLACES = {
     "frames lost": "3 frames are missing in one place",
     "light +10 % to the right": "the light is uneven, by 1",
     "bent output": "frames differ; none of the known causes explains the difference.",
+    "dead time": "Frames that were not fitted are predicted",
 }
 
 
-@pytest.mark.parametrize("name", CODES)
-def test_a_fault_is_named_and_located_and_nothing_else(name):
+QUICK = "dead row", "flicker 60 Hz", "row offset 8 mV", "dead time", "bent output", "gain +10 %"
+
+
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=() if name in QUICK else pytest.mark.slow) for name in CODES]
+)
+def test_a_fault_is_named_and_located_and_no_other(name):
     wanted, how = CODES[name]
     found = compared(2, **how)
-    assert said(found) == {wanted}
+    # what is left of a fault that was taken out may be said, too
+    assert wanted in said(found) <= {wanted, "none"}
     assert PLACES.get(name, "") in found.sentence
 
 
@@ -90,7 +98,7 @@ def test_counts_and_bits_are_compared_likewise(kind):
     assert not compared(2, camera).alarms
     for name in ("dead row", "mirrored columns", "efficiency"):
         wanted, how = FAULTS[kind][name]
-        assert said(compared(2, camera, **how)) == {wanted}
+        assert wanted in said(compared(2, camera, **how)) <= {wanted, "none"}
 
 
 def test_of_two_faults_both_are_named():
@@ -101,19 +109,60 @@ def test_of_two_faults_both_are_named():
 @pytest.mark.slow
 def test_rates_over_seeds():
     assert compared(1).sentence.startswith("Captured and simulated frames agree: no difference is")
-    untouched = sum(bool(compared(seed).alarms) for seed in range(100, 140))
-    # 5 % allowed; at the stated 1 %, 7 or more of 40 have a chance below 1e-6
-    assert untouched < 7
-    named, wrong = Counter(), Counter()
-    seeds = range(100, 106)
+    untouched = sum(bool(compared(seed).alarms) for seed in range(100, 120))
+    # 5 % allowed; at the stated 1 %, 6 or more of 20 have a chance below 1e-6
+    assert untouched < 6
+    wrong, silent, seeds = Counter(), Counter(), range(100, 103)
     for name, (wanted, how) in CODES.items():
         for seed in seeds:
             found = said(compared(seed, **how))
-            named[name] += wanted in found
             wrong[name] += bool(found - {wanted, "none"})
+            silent[name] += not found
     total = len(seeds) * len(CODES)
-    assert named.total() >= 0.9 * total, {k: v for k, v in named.items() if v < len(seeds)}
-    assert wrong.total() <= 0.02 * total, {k: v for k, v in wrong.items() if v}
+    assert wrong.total() <= 0.02 * total, {name for name in wrong if wrong[name]}
+    assert silent.total() <= 0.05 * total, {name for name in silent if silent[name]}
+
+
+FROM = np.s_[200:]
+COMPOSED = {
+    "lost rows": ({"lost parts"}, lambda r: _put(r, np.s_[::20, 8:16], 0)),
+    "old rows": ({"lost parts"}, lambda r: _put(r, np.s_[20::20, 8:16], r[19:-1:20, 8:16])),
+    "clipped": ({"capacity"}, lambda r: np.minimum(r, 22)),
+    "wrapped": ({"capacity"}, lambda r: r % 16),
+    "multiples": ({"lost bits"}, lambda r: r // 4 * 4),
+    "bit of a column": ({"stuck bit"}, lambda r: _put(r, np.s_[:, :, 3], r[:, :, 3] | 8)),
+    "copied columns": ({"copied columns"}, lambda r: _put(r, np.s_[:, :, 1::2], r[:, :, ::2])),
+    "odd frames": ({"odd frames"}, lambda r: _put(r, np.s_[7::25], r[7::25] // 2)),
+    "odd block": ({"odd block"}, lambda r: _put(r, np.s_[:, :8, :8], r[:, :8, :8] + 2)),
+    "rows from a frame on": (set(), lambda r: _put(r, np.s_[200:, 3:6], r[200:, 4:7])),
+    "turned from a frame on": (set(), lambda r: _put(r, FROM, r[FROM, ::-1])),
+}
+"""What may be named beside "none", and how readings are spoiled"""
+
+
+def _put(readings, place, values):
+    readings = readings.copy()
+    readings[place] = values
+    return readings
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", COMPOSED)
+def test_composed_faults_are_named_or_none(name):
+    names, spoil = COMPOSED[name]
+    camera = CAMERAS["counts"]._replace(shape=(16, 16))
+    found = compared(3, camera, spoil=of_readings(lambda readings, _: spoil(readings)))
+    assert said(found) and said(found) <= names | {"none"}
+    assert not names or names <= said(found)
+    assert found.sentence.startswith("Captured and simulated frames differ")
+
+
+def test_a_scale_of_light_and_dark_is_exposure():
+    camera = CAMERAS["counts"]._replace(shape=(16, 16))
+    longer = {"light": lambda *_: np.full((1, 1, 1), 1.2)}
+    dark_hz = draw_fixed_pattern(camera.sensor, camera.shape).dark_counts_hz
+    longer["extra"] = lambda *_: 0.2 * dark_hz[None]
+    assert said(compared(5, camera, **longer)) == {"exposure"}
 
 
 def running_mean(readings, _):
@@ -139,7 +188,7 @@ def lagging(readings, _):
 def test_frames_that_depend_on_those_before_quieten_tests_that_assume_none(camera, spoil):
     camera = CAMERAS[camera]._replace(shape=(16, 16))
     found = compared(1, camera, spoil=of_readings(spoil))
-    assert said(found) == {"dependent frames"}
+    assert said(found) == {"lag"}
     assert len(found.alarms) == 1 and "correlated by" in found.sentence
 
 

@@ -3,7 +3,7 @@ import pytest
 from scipy.special import ndtri, pdtr, pdtrc
 from scipy.stats import chisquare, poisson
 
-from megalopta.sensor import DeadTime, changed, expose_binary, preset
+from megalopta.sensor import preset
 from megalopta.sensor.sampling.poisson import (
     CHANCE_ERROR,
     SMALLEST_MEAN,
@@ -105,12 +105,6 @@ def test_packing_is_that_of_numpy_along_the_width_most_significant_bit_first():
     pattern = np.random.default_rng(0).integers(0, 2, (5, 21)).astype(float)
     packed = draw_binary(generator(0), np.where(pattern == 1, np.inf, 0.0))
     np.testing.assert_array_equal(packed, np.packbits(pattern.astype(np.uint8), axis=-1))
-
-
-def test_bits_that_depend_on_more_than_the_rate_are_refused():
-    dead = DeadTime(kind="paralyzable", dead_time_s=1e-6, start="stationary")
-    with pytest.raises(ValueError, match="start live"):
-        expose_binary(np.ones((1, 2, 2)), changed(IDEAL, dead_time=dead), seed=0, stream="s")
 
 
 def test_the_first_counts_of_many_streams_follow_the_law():
