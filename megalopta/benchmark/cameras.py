@@ -50,7 +50,7 @@ from megalopta.flow.metrics.translation_bound import (
     cramer_rao_covariance,
     spline_gradient,
 )
-from megalopta.sensor import ImageSensor, changed, expectation, expose, expose_events
+from megalopta.sensor import ImageSensor, Sensor, changed, expectation, expose, expose_events
 from megalopta.sensor.calibrate.correction import filled_in
 from megalopta.sensor.contrast.model import ContrastSensor
 from megalopta.sensor.image_sensors import sensor_named
@@ -230,7 +230,7 @@ class Setting(NamedTuple):
 
 
 def _is_binary(sensor: ImageSensor) -> bool:
-    return getattr(getattr(sensor, "counter", None), "capacity", 0) == 1
+    return getattr(sensor, "largest", 0) == 1
 
 
 def _settings(sensor: ImageSensor, period_s: float) -> Iterator[Setting]:
@@ -367,6 +367,8 @@ def corrected_readings(
     counter, adc = getattr(sensor, "counter", None), getattr(sensor, "adc", None)
     bits = adc.bits if adc else getattr(counter, "adc_bits", None)
     if not bits:
-        largest = counter.capacity if counter and counter.is_on else readings.max()
+        largest = readings.max()
+        if isinstance(sensor, Sensor) and sensor.counter.is_on:
+            largest = sensor.largest
         bits = max(math.ceil(math.log2(largest + 1)), 1)
     return corrected, (slope, max(offset + slope * float(dark[~bad].mean()), 0.0)), bits

@@ -261,14 +261,22 @@ def figures(sheet: DataSheet) -> list[tuple[str, str, str]]:
         ]
     if isinstance(sensor, Sensor):
         dead, counter = sensor.dead_time, sensor.counter
+        of_sums = f", sums of {counter.sums} exposures" if counter.sums > 1 else ""
         for field, text in (
             ("dead_time", f"{with_error(dead.dead_time_s, 0, 's')}, {dead.kind}"),
             ("crosstalk", f"{percent(sensor.crosstalk.mean_fired_neighbors)} per avalanche"),
             ("afterpulsing", percent(sensor.afterpulsing.mean_carriers)),
-            ("counter", f"{counter.kind}, up to {counter.capacity} counts"),
+            ("counter", f"{counter.kind}, up to {sensor.largest} counts{of_sums}"),
         ):
             shown = text if getattr(sensor, field).is_on else "none"
             rows.append((field.replace("_", " "), shown, field))
+    for part, field, name in (
+        (sensor, "lag_share", "image lag"),
+        (sensor, "residue_share", "left by a reset"),
+        (getattr(sensor, "counter", None), "residue_share", "left by a reset"),
+    ):
+        if share := getattr(part, field, 0.0):
+            rows.append((name, f"{percent(share)} of the frame before", field))
     limits = sheet.threshold_photons, sheet.saturation_photons
     for name, photons in zip(("SNR = 1 at", "90 % saturated at"), limits, strict=True):
         light = f"{number(photons)} photons, or {number(photons * sheet.lux_per_photon)} lux"

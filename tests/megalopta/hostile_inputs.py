@@ -19,6 +19,7 @@ from typing import NamedTuple
 import av
 import numpy as np
 import OpenEXR
+import scipy.io
 import tifffile
 import trimesh
 import yaml
@@ -36,7 +37,8 @@ from megalopta.sensor.formats.protocol import Identity, Settings, frame_packet
 from ..scenes.meshes.files import Gltf, png
 from ..scenes.meshes.test_serialized import SHAPES, file_of
 from ..sensor.formats.test_cameras import COUNTS, spc3
-from ..sensor.formats.test_time_tags import CHANNELS, TICKS, photon_hdf5, ptu_of_mode_t2
+from ..sensor.formats.test_matlab import matlab_73
+from ..sensor.formats.test_time_tags import CHANNELS, TICKS, photon_hdf5, ptu_of_mode_t2, spc
 from .harm import BOMB, claiming
 
 ROWS, COLUMNS = 72, 144
@@ -87,7 +89,10 @@ READ: dict[str, tuple[str, ...]] = {
     **{f"t.{name}": (EXPORT.replace("{file}", "t.gltf"),) for name in ("bin", "png")},
     "t.mtl": (EXPORT.replace("{file}", "t.obj"),),
     **{f"x.{name}": (EXPORT.replace("{file}", "t.xml"),) for name in ("spd", "ply")},
-    **dict.fromkeys(("r.npy", "r.tif"), (VIEW, CALIBRATE)),
+    **dict.fromkeys(("r.npy", "r.tif", "r.mat"), (VIEW, CALIBRATE)),
+    "r7.mat": (CALIBRATE, VIEW + " --format=mat"),
+    **dict.fromkeys(("r.raw", "raw.yaml"), ("spadcam calibrate raw.yaml --out=d.yaml",)),
+    "tags.spc": (TAGS,),
     **dict.fromkeys(("r.spc3", "RAW0.bin", "r.h5"), (VIEW,)),
     **dict.fromkeys(("tags.ptu", "tags.hdf5"), (TAGS,)),
     "tags.dat": (LINOSPAD,),
@@ -107,7 +112,7 @@ READ: dict[str, tuple[str, ...]] = {
 """Files, and the commands that read them."""
 
 TEXTS = ".csv", ".yaml", ".obj", ".mtl", ".gltf", ".xml", ".spd", "text.stl"
-UNMARKED = ".csv .yaml .obj .mtl .spd .ptu .bin .avi .dat map.npy".split()
+UNMARKED = ".csv .yaml .obj .mtl .spd .ptu .bin .avi .dat .raw .spc .mat map.npy".split()
 """Formats of which a part may be whole, or whose reader sees no more than a part"""
 CHECKED = ("a.png", "gray.png", "deep.png", "f.png", ".npz")
 """Formats with checksums, which no flipped bit passes"""
@@ -234,6 +239,11 @@ def write_readings(here):
     for name, mean in (("r.npy", 3), ("good.npy", 60)):
         np.save(here / name, RNG.poisson(mean, (64, 16, 16)).astype(np.uint16))
     np.save(here / "bits.npy", bits)
+    counts = np.load(here / "r.npy")
+    (here / "r.raw").write_bytes(counts.tobytes())
+    scipy.io.savemat(here / "r.mat", {"frames": np.moveaxis(counts, 0, 2)}, do_compression=True)
+    matlab_73(here / "r7.mat", frames=np.moveaxis(counts, 0, 2))
+    spc(here / "tags.spc", TICKS, CHANNELS)
     tifffile.imwrite(
         here / "r.tif", RNG.poisson(3, (64, 16, 16)).astype(np.uint16), photometric="minisblack"
     )
@@ -277,6 +287,8 @@ def write_texts(here):
         "woods": woods,
         "recordings": {"recordings": [{"path": "r.npy", "exposure_s": 1e-3},
                                       {"path": "good.npy", "exposure_s": 1e-3, "light": 1e5}]},
+        "raw": {"recordings": [{"path": "r.raw", "exposure_s": 1e-3, "layout": {"rows": 16, "columns": 16, "bits": 16}},
+                               {"path": "good.npy", "exposure_s": 1e-3, "light": 1e5}]},
         "plan": Plan().model_dump(mode="json") | {
             "sequences": 1, "scenes": [{"preset": "grating"}], "lights": ["twilight"],
             "every": {part: small[part] for part in ("camera", "render")} | {"trajectory": {"frames": 2}},

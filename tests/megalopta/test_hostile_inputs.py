@@ -95,7 +95,9 @@ def test_a_sample_of_hostile_inputs_gets_one_sentence(run_all):
     assert run_all(sample) == {}
 
 
-@pytest.mark.parametrize("name", ["f.flo", "f.flo5", "f.png", "f.pfm", "r.h5", "r.tif", "r.spc3"])
+@pytest.mark.parametrize(
+    "name", ["f.flo", "f.flo5", "f.png", "f.pfm", "r.h5", "r.tif", "r.spc3", "r.mat"]
+)
 def test_readers_of_files_raise_what_they_say(inputs, tmp_path, name):
     content = (inputs / name).read_bytes()
     path = tmp_path / name

@@ -29,7 +29,6 @@ def test_a_value_beyond_sense_is_refused_by_its_field(path, value):
 
 BURST = {"products": "[counts, burst_npy]"}
 SUMS = {"products": "[counts, sums_npy]", "sub_frames": "2", "burst_hz": "1000"}
-CROSSTALK = "[{preset: ideal, crosstalk: {mean_fired_neighbors: 0.1}}]"
 INFRARED = {"sensors": "[ctia_si]", "render.bands_nm": "[[700, 800], [800, 900]]"}
 
 
@@ -63,7 +62,6 @@ INFRARED = {"sensors": "[ctia_si]", "render.bands_nm": "[[700, 800], [800, 900]]
         (BURST | {"sub_frames": "2", "burst_hz": "105"}, "burst_hz 105: not a whole .* use 100"),
         (BURST | {"sub_frames": "2"} | INFRARED, "no single events"),
         (SUMS | {"cubes.sum_frames": "7"}, "a burst has 100 .* a divisor of it as sum_frames .7"),
-        ({"products": "[counts, binary_npy]", "sensors": CROSSTALK}, "binary frames have none"),
         (
             {
                 "products": "[counts, histograms_npy]",
