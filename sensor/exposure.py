@@ -1,4 +1,4 @@
-"""What users call to expose a sensor: readings of a scene, or of known detection rates.
+"""Exposures of a sensor for users: readings of a scene, or of known detection rates.
 
 The exposure of a SPAD array, step by step, is `spad.array`; that of CTIA pixels, which integrate a
 photocurrent, `ctia.model`.

@@ -101,7 +101,7 @@ def check_parts(level: Residual) -> None:
 
 
 def _alike(frames: NDArray[Any], usual: NDArray[Any]) -> Iterator[tuple[Mask, Floats]]:
-    """Where readings are those of an end of the range, or of the frame before; the usual share."""
+    """Yield readings at an end of the range, or as in the frame before, and their usual share."""
     for end in np.unique([0, frames.min(), frames.max(), usual.max()]):
         yield frames == end, (usual == end).mean(axis=0)
     first = np.zeros((1, *frames.shape[1:]), np.bool_)

@@ -307,6 +307,8 @@ def _rarest(name: str, level: Level, p: Floats) -> list[Left]:
 
 def _lines_of_pixels(level: Residual, z: NDArray[Any]) -> list[Left]:
     """Lines of the mean spectrum of pixels (n, P), whatever their phases."""
+    if not z.size:
+        return []
     power = np.square(np.abs(np.fft.rfft(z, axis=0)[2:-1])).mean(axis=1, dtype=np.float64)
     typical = np.median(power)
     if not typical > 0:

@@ -193,7 +193,10 @@ def compare_recordings(
     order, faults = _faults_of_readout(levels)
     causes, left = Causes(), []
     if not is_scene:
-        faults += _faults_in_time(levels)
+        # pixels of lines that are copies for a while change, and are no traps
+        is_copied = any(fault.kind.startswith("copied") for fault in faults)
+        of_time = _faults_in_time(levels)
+        faults += [f for f in of_time if not (is_copied and f.kind == "telegraph noise")]
         left = [one for level in levels for one in unsteady(level)]
         if not faults:
             for level, all_ in zip(captured, whole, strict=True):
@@ -256,7 +259,11 @@ def _faults_of_readout(levels: Sequence[Residual]) -> tuple[readout.Arrangement,
         level.captured = level.captured.mapped(order.undone)
     if order.is_other:
         _mask(levels, np.asarray(order.undone(unresponsive_pixels[None])[0]))
-    return order, faults + _check_readings(levels)
+    of_readings = _check_readings(levels)
+    if of_readings:  # which may look like pixels that never change
+        faults = [fault for fault in faults if fault not in unresponsive]
+        faults += pattern.unresponsive(levels)[1]
+    return order, faults + of_readings
 
 
 def _faults_in_time(levels: Sequence[Residual]) -> list[Fault]:

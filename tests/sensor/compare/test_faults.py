@@ -134,7 +134,7 @@ COMPOSED = {
     "copied columns": ({"copied columns"}, lambda r: _put(r, np.s_[:, :, 1::2], r[:, :, ::2])),
     "odd frames": ({"odd frames"}, lambda r: _put(r, np.s_[7::25], r[7::25] // 2)),
     "odd block": ({"odd block"}, lambda r: _put(r, np.s_[:, :8, :8], r[:, :8, :8] + 2)),
-    "rows from a frame on": (set(), lambda r: _put(r, np.s_[200:, 3:6], r[200:, 4:7])),
+    "rows from a frame on": ({"copied rows"}, lambda r: _put(r, np.s_[200:, 3:6], r[200:, 4:7])),
     "turned from a frame on": (set(), lambda r: _put(r, FROM, r[FROM, ::-1])),
 }
 """What may be named beside "none", and how readings are spoiled"""
@@ -211,17 +211,8 @@ def test_frames_all_at_the_counters_end_are_no_repetition():
     assert "repeated frames" not in said(found)
 
 
-@pytest.mark.parametrize(
-    "shares",
-    [
-        {"distance_two": 0.5, "distance_three": 1.0},
-        pytest.param(
-            {"kernel": [[np.where(np.arange(25) == 12, 0.0, 1.0).reshape(5, 5).tolist()]]},
-            marks=pytest.mark.slow,
-        ),
-    ],
-)
-def test_crosstalk_of_any_kernel_is_found_with_its_size(shares):
+def test_crosstalk_of_the_known_kernel_is_found_with_its_size():
+    shares = {"distance_two": 0.5, "distance_three": 1.0}
     known = changed(preset("ideal"), crosstalk={"mean_fired_neighbors": 0.02, **shares})
     camera = CAMERAS["counts"]._replace(sensor=known, shape=(24, 24), levels=((1e-3, 7.5e4, 900),))
     found = compared(1, camera, sensor={"crosstalk": {"mean_fired_neighbors": 0.12}})
