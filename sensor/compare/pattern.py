@@ -64,8 +64,9 @@ def deviations(level: Residual, first: int = 0, step: int = 1) -> tuple[Floats, 
         squares += np.maximum(variance, mean.clip(0)) / frames + 1 / frames**2
         means.append(mean)
     difference, sigma = means[0] - means[1], np.sqrt(squares)
-    # of drawn frames, chance would correlate the difference with what it is compared to
-    known = level.parts["step"]
+    # of drawn frames, chance would correlate the difference with what it is compared to; the model
+    # does not know what the readout does to them
+    known = means[1].clip(0) if level.readout else level.parts["step"]
     scale = max(float(known.max()), 1e-12)
     # the four neighbors, whose crosstalk is no fault of a pixel; 0 beyond the border
     wide = np.pad(known, 1)

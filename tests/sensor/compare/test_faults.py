@@ -31,7 +31,7 @@ PLACES = {
     "stuck pixel": "stuck pixel (5, 6), at code 2000",
     "telegraph noise": "telegraph noise in pixels (2, 3), (7, 11), (13, 5)",
     "hot pixel": "hot pixel (4, 9)",
-    "stuck bit": "bit 5 of the ADC is stuck at 1",
+    "stuck bit": "bit 5 of all pixels is stuck at 1",
     "flicker 60 Hz": "flicker of 60 Hz, ±10 %",
     "banding 60 Hz": "row banding of 60 Hz",
     "frames twice": "200 of 400 frames repeat the one before",
