@@ -23,6 +23,12 @@ def flow_to_rgb(flow: NDArray[np.floating[Any]], max_speed: float) -> Rgb:
 
     A speed of `max_speed`, in the unit of the flow, has the pure color. Raises ValueError if it is
     not positive, or the flow does not have two components.
+
+    Examples
+    --------
+    >>> flow_to_rgb(np.array([[2.0, 0.0], [np.nan, 0.0]]), max_speed=2)
+    array([[255,   0,   0],
+           [128, 128, 128]], dtype=uint8)
     """
     if not 0 < max_speed < np.inf:
         raise ValueError(f"max_speed {max_speed!r}: give a positive speed")

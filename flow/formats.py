@@ -76,6 +76,12 @@ def write_flo(path: str | Path, flow: NDArray[np.floating]) -> None:
     """Write a flow (H, W, 2), px, +x right, +y down, NaN where undefined.
 
     Raises ValueError if the array is not a flow, or holds a value that would be read as undefined.
+
+    Examples
+    --------
+    >>> write_flo("right.flo", np.full((4, 4, 2), (1.5, 0)))
+    >>> read_flow("right.flo")[0, 0]
+    array([1.5, 0. ], dtype=float32)
     """
     _check(flow)
     if np.any(np.abs(flow) > _LARGEST_KNOWN):

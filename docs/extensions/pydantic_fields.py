@@ -83,7 +83,8 @@ def _default(field: Schema) -> str:
         return f"``[{', '.join(item.get('name', '…') for item in value)}]``"
     text = strict_yaml.dump(value, default_flow_style=True, width=10_000)
     text = text.strip().removesuffix("...").strip()
-    return value if value == "—" else f"``{text[:120]}``"
+    shown = text if len(text) <= 120 else f"{text[:120].strip()} …"
+    return value if value == "—" else f"``{shown}``"
 
 
 def _range(field: Schema, linked: set[str]) -> str:

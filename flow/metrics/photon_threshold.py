@@ -84,6 +84,14 @@ def threshold(
 
     Its interval, of 95 %, is drawn from the generator, given the standard errors and their degrees
     of freedom. Raises ValueError if there are fewer than two fluxes or they do not increase.
+
+    Examples
+    --------
+    >>> rng = np.random.default_rng(0)
+    >>> errors = [0.8, 0.4, 0.2, 0.1]
+    >>> found = threshold([10, 100, 1000, 10_000], errors, np.full(4, 0.01), 30, 0.25, rng)
+    >>> [round(flux) for flux in (found.flux, found.low, found.high)]
+    [477, 388, 621]
     """
     flux, error, spread = (
         np.asarray(values, np.float64) for values in (fluxes, errors, standard_errors)

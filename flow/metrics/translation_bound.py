@@ -59,6 +59,13 @@ def cramer_rao_covariance(information: Floats, frames: int = 2) -> Floats:
 
     `information` (..., 2, 2): J of one frame, px⁻²; `frames`: noisy frames of one velocity that the
     method uses. Infinite where the gradients of a block have one direction only.
+
+    Examples
+    --------
+    The least deviation of both components where gradients are alike in all directions:
+
+    >>> np.sqrt(np.diag(cramer_rao_covariance(np.diag([50.0, 50.0]))))
+    array([0.2, 0.2])
     """
     (xx, xy), (_, yy) = np.moveaxis(information, (-2, -1), (0, 1))
     determinant = xx * yy - xy**2

@@ -119,6 +119,11 @@ def data_sheet(sensor: ImageSensor | str | Path, wavelength_nm: float | None = N
 
     `wavelength_nm`: of the photons; default: 550 nm if the efficiency is largest there, else where
     it is. Raises UserError if the sensor is unknown or damaged, or sees nothing there.
+
+    Examples
+    --------
+    >>> round(data_sheet("spad512-squared").pde, 2)
+    0.25
     """
     with refused_as("sensor"):
         named, stated = sensor_named(sensor), {"preset": sensor if isinstance(sensor, str) else ""}

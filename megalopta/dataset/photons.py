@@ -63,6 +63,13 @@ def photons_from_images(
     UserError
         When pictures cannot be read, nothing says how bright they are, or the sensor cannot expose
         them.
+
+    Examples
+    --------
+    >>> gray = np.full((8, 32, 32), 0.5)
+    >>> exposure = photons_from_images(gray, photons_per_pixel=2, unit="linear")
+    >>> exposure.counts.shape, round(float(exposure.expectation.mean_reading.mean()), 2)
+    ((8, 32, 32), 2.0)
     """
     brightness = lux if photons_per_pixel is None else photons_per_pixel
     is_number = isinstance(brightness, Real) and 0 < brightness < np.inf
