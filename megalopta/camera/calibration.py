@@ -194,6 +194,9 @@ def calibration_of(
             nominal = float(base.photon_detection_efficiency(np.array(wavelength_nm)))
             shown = pages.Quantity("efficiency", "%", efficiency, 100.0)
         quantities.append(shown)
+        # errors of a fitted recovery are part of its interval
+        if kernel is not None and device.dead_time is not None and device.dead_time.recovery.fired:
+            kernel = kernel._replace(afterpulses_error=0.0)
         maps["efficiency"] = primary(efficiency, kernel, talk).scaled(1 / nominal)
     for name, rates in maps.items():  # dead pixels count nothing, other bad ones are unknown
         maps[name] = rates.where(~device.stuck & ~device.saturated).where(~device.dead, 0.0)

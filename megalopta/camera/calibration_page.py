@@ -114,7 +114,9 @@ def _neighbors_section(
     if kernel is not None:
         value = _fired(kernel.seen) if kernel.seen else f"below {percent(kernel.limit)} each"
         rows.append(("neighbors", value, "yes" if kernel.seen else "no"))
-        text = with_error(100 * kernel.afterpulses, 196 * kernel.afterpulses_error, "%")
+        text = "unknown: bits do not show them"
+        if np.isfinite(kernel.afterpulses):
+            text = with_error(100 * kernel.afterpulses, 196 * kernel.afterpulses_error, "%")
         rows.append(("afterpulses", text, "yes" if kernel.are_afterpulses_seen else "no"))
     if of_hot_pixels:
         rows.append(("neighbors of hot pixels", _fired(of_hot_pixels), "yes"))
@@ -161,13 +163,13 @@ def parts(
     kinds = ("dead", "stuck", "saturated", "hot")
     counted = [(kind, str(getattr(device, kind).sum())) for kind in kinds]
     bad = (*counted, ("telegraph", str(switching)))
-    found = Section("Bad and hot pixels", _BAD, ("", "pixels"), bad)
+    bad_pixels = Section("Bad and hot pixels", _BAD, ("", "pixels"), bad)
     fits = tuple((name, str(misfit)) for name, misfit in device.fits.items())
     curves = Section(
         "Goodness of fit", _FITS, ("curve", "all pixels together"), fits, are_words=True
     )
     comb = _comb_section(device) if isinstance(device, Device) else None
-    return summary, [comb, found, curves, _neighbors_section(device.kernel, talk)]
+    return summary, [comb, bad_pixels, curves, _neighbors_section(device.kernel, talk)]
 
 
 def _recovers(dead: DeadTimeEstimate) -> str:

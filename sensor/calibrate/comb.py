@@ -133,12 +133,9 @@ def comb_period(drops: Drops, typical_v: float, within: float) -> tuple[Floats, 
 
 @compiled
 def _powers(
-    wave: NDArray[np.complex128],
-    turn: NDArray[np.complex128],
-    ends: NDArray[np.intp],
-    times: Floats,
-    trials: int,
-) -> Floats:
+    wave: NDArray[np.complex128], turn: NDArray[np.complex128], ends: NDArray[np.intp],
+    times: Floats, trials: int,
+) -> Floats:  # fmt: skip
     """Mean over readings of the squared mean phases of levels, one turn per trial."""
     power = np.zeros(trials)
     for at in range(len(ends) - 1):

@@ -187,16 +187,11 @@ def calibrate(
     over pixels. Raises ValueError if there are fewer than two frames, shapes differ, or the flat
     frames are too dark or too bright to determine a gain.
     """
-    shapes = np.shape(dark_frames), np.shape(flat_frames)
-    for name, shape in zip(("dark", "flat"), shapes, strict=True):
-        if len(shape) != 3 or shape[0] < 2:
-            raise ValueError(
-                f"{name} frames: shape {shape}; give (frames, rows, columns), two or more"
-            )
-    if shapes[0][1:] != shapes[1][1:]:
+    of_dark, of_flat = np.shape(dark_frames), np.shape(flat_frames)
+    if of_dark[1:] != of_flat[1:] or len(of_dark) != 3 or min(of_dark[0], of_flat[0]) < 2:
         raise ValueError(
-            f"dark frames of {shapes[0][1:]} and flat frames of {shapes[1][1:]} pixels: give those "
-            "of one device"
+            f"dark frames of shape {of_dark} and flat frames of {of_flat}; give (frames, rows, "
+            "columns) of one device, two or more frames"
         )
 
     def chunks(frames: Any) -> Iterator[Floats]:
@@ -209,13 +204,9 @@ def calibrate(
 
 
 def simulated_calibration(
-    sensor: Sensor | FrameSensor,
-    shape: tuple[int, int],
-    *,
-    frames: int = 256,
-    seed: int = 0,
+    sensor: Sensor | FrameSensor, shape: tuple[int, int], *, frames: int = 256, seed: int = 0,
     hot_times: float = 10.0,
-) -> Calibration:
+) -> Calibration:  # fmt: skip
     """Calibrate a simulated device from frames in the dark and at half of the largest reading.
 
     So many frames of each kind, of `shape` (rows, columns); `hot_times` as for `calibrate`.
@@ -263,13 +254,9 @@ def _mean(chunks: Iterable[NDArray[Any]], curve: ResponseCurve) -> _Mean:
 
 
 def _of_means(
-    sensor: Sensor | FrameSensor,
-    curve: ResponseCurve,
-    dark: _Mean,
-    flat: _Mean,
-    flat_detections: float | None,
-    hot_times: float,
-) -> Calibration:
+    sensor: Sensor | FrameSensor, curve: ResponseCurve, dark: _Mean, flat: _Mean,
+    flat_detections: float | None, hot_times: float,
+) -> Calibration:  # fmt: skip
     light = flat.arrivals - dark.arrivals
     # three standard errors; of no count, the error is that of one
     error = 3.0 * np.sqrt(np.maximum(dark.variance, 1 / dark.frames**2))

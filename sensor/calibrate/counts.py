@@ -41,6 +41,8 @@ _FEWEST_FRAMES = 50
 _FEWEST_ZEROS = 10
 _ROUNDS = 4
 _PIXELS = 2048
+_MOST_PARALYZED = 0.8
+"""Arrivals per paralyzable dead time up to which counts tell them; counts are most at 1"""
 
 
 class Summed(NamedTuple):
@@ -161,16 +163,10 @@ class _Recorded(NamedTuple):
 
 
 def calibrate_counts(recordings: Sequence[Summed], known: DeadTime | None = None) -> CountingDevice:
-    """Estimate what the recordings determine, with 95 % CI.
+    """Estimate what the recordings of a camera determine, with 95 % CI.
 
-    Parameters
-    ----------
-    recordings : sequence of Summed
-        Recordings of one camera.
-    known : DeadTime, optional
-        Dead time that corrects counts if recordings do not determine it.
-
-    Raises ValueError if recordings are of different arrays, or light has no effect.
+    `known` is a dead time that corrects counts if recordings do not determine it. Raises ValueError
+    if recordings are of different arrays, or light has no effect.
     """
     _check(recordings)
     recorded, dead, stuck, capacity = _usable(recordings)
@@ -179,28 +175,28 @@ def calibrate_counts(recordings: Sequence[Summed], known: DeadTime | None = None
         for level in np.flatnonzero(recorded.light_hz == 0).tolist()
     }
     kernels = []
-    for level, correlation in correlations.items() if not recorded.is_binary else ():
+    for level, correlation in correlations.items():
         good = recorded.used[level] & (recorded.variance[level] > 0) & ~correlation.is_telegraph
         with suppress(ValueError):  # too few pixels have neighbors
-            kernels.append(crosstalk.neighbor_kernel(recordings[level].of, good))
+            recording, is_binary = recordings[level].of, recorded.is_binary
+            kernels.append(crosstalk.neighbor_kernel(recording, good, is_binary=is_binary))
     kernel = crosstalk.mean_kernel(kernels) if kernels else None
     fits: dict[str, Misfit] = {}
     dead_time: DeadTimeEstimate | None = None
-    recovery = longer = None
+    recovery = None
     if not isinstance(fitted := _dead_time(recorded, kernel, fits), str):
         dead_time, light_hz = fitted
         recovery = dead_time.recovery
-        longer = recovery._replace(dead_s=recovery.dead_s + dead_time.error_s)
         recorded = recorded._replace(light_hz=light_hz)
         if kernel and recovery.fired:
             kernel = kernel._replace(
                 afterpulses=recovery.fired, afterpulses_error=dead_time.fired_error
             )
     elif not (recorded.is_binary or known is None or known.kind == "ideal"):
-        slow = {"recharge_s": known.recharge_s, "twilight_s": known.twilight_s}
-        recovery = Recovery(known.kind, known.dead_time_s, **slow)
+        slow_s = known.recharge_s, known.twilight_s
+        recovery = Recovery(known.kind, known.dead_time_s, 0.0, 1.0, *slow_s)
     dark = _dark_counts(recorded, recovery, fits)
-    efficiency = _efficiency(recorded, recovery, longer, fits)
+    efficiency = _efficiency(recorded, recovery, dead_time, fits)
     telegraph = _telegraph(recorded, correlations, recovery)
     hot = np.zeros(dead.shape, np.bool_)
     if isinstance(dark, Estimate):
@@ -253,7 +249,11 @@ def _usable(recordings: Sequence[Summed]) -> tuple[_Recorded, Mask, Mask, int | 
         capacity = int(top) if top > 1 and several else None
         within = largest < (capacity or np.inf)
     used = within & is_known & ~dead & ~stuck
-    spread = np.array([_excess(*pair) for pair in zip(recordings, used, strict=True)])
+    # variance over that of independent events, by the mean of the array; at least 1
+    total, number = np.maximum((mean * used).sum(axis=(1, 2)), 1e-300), used.sum(axis=(1, 2))
+    fano = (variance * used).sum(axis=(1, 2)) / total
+    error = np.sqrt((2 / np.maximum(number, 1) + 1 / np.maximum(total, 1 / frames)) / frames)
+    spread = np.where((fano > 1 + 3 * error) & (not is_binary), fano, 1.0)
     recorded = _Recorded(
         mean, variance, frames, exposure_s, light_hz, used, known, spread, is_binary
     )  # fmt: skip
@@ -274,24 +274,12 @@ def _check(recordings: Sequence[Summed]) -> None:
     if longest.is_binary and dark_counts > 0.9:
         return
     for recording in recordings:
-        share = recording.exposure_s / longest.exposure_s
-        of = recording.of
-        excess = float(np.median(of.mean)) - dark_counts * share
+        of, share = recording.of, recording.exposure_s / longest.exposure_s
         error = float(np.sqrt(of.variance.mean() / of.frames / of.mean.size))
-        if recording.light_hz and excess < 6.0 * error:
+        if recording.light_hz and np.median(of.mean) - dark_counts * share < 6.0 * error:
             raise ValueError(
                 f"{recording}: no brighter than the dark; uncover the sensor or raise the light"
             )
-
-
-def _excess(recording: Summed, used: Mask) -> float:
-    """Variance over that of independent events, by the mean of the array; at least 1."""
-    if recording.is_binary or not used.any():
-        return 1.0
-    of, total = recording.of, max(recording.of.mean[used].sum(), 1e-300)
-    ratio = float(of.variance[used].sum() / total)
-    error = float(np.sqrt((2 / used.sum() + 1 / max(total, 1 / of.frames)) / of.frames))
-    return ratio if ratio > 1 + 3 * error else 1.0
 
 
 def _dead_time(
@@ -313,13 +301,9 @@ def _dead_time(
     near = np.abs(np.log(np.maximum(counts[:, good], 0.5) / typical[:, None])) < np.log(8)
     good = good[np.all(near | ~used[:, good], axis=0)]
     some = good[np.linspace(0, good.size - 1, min(good.size, _PIXELS)).astype(int)]
+    frames = recorded.used * recorded.frames[:, None, None]
     mean, variance, frames = (
-        maps.reshape(levels, -1)[:, some]
-        for maps in (
-            recorded.mean,
-            recorded.variance,
-            recorded.used * recorded.frames[:, None, None],
-        )
+        maps.reshape(levels, -1)[:, some] for maps in (recorded.mean, recorded.variance, frames)
     )
     talk = kernel.seen[0].mean_fired_neighbors if kernel and kernel.seen else 0.0
     talk_error = kernel.total_error if kernel else 0.0
@@ -339,7 +323,7 @@ def _dead_time(
     live = np.median(mean / of.fit.arrivals_hz, axis=1) / recorded.exposure_s
     live *= 1 - recovery.fired
     light_hz = recorded.light_hz * (1 - talk) / (1 - talk * live)
-    # neighbors that busy pixels fire less look like a part of the dead time
+    # neighbors that busy pixels fire less look like a part of the dead time, and change no rates
     hidden_s = talk_error * recovery.dead_s
     return of._replace(error_s=float(np.hypot(of.error_s, hidden_s))), light_hz
 
@@ -347,23 +331,18 @@ def _dead_time(
 def _nonlinearity(recorded: _Recorded) -> float:
     """Loss of bright light against a line through dim light and what is dimmer, in its errors."""
     light_hz = recorded.light_hz
-    within = np.flatnonzero(recorded.used.mean(axis=(1, 2)) > 0.5)
-    order = within[np.argsort(light_hz[within], kind="stable")]
+    order = np.argsort(light_hz, kind="stable")
+    order = order[recorded.used.mean(axis=(1, 2))[order] > 0.5]
     lit = order[light_hz[order] > light_hz[order[:1]]]
-    if not lit.size:
+    if not lit.size or light_hz[lit[0]] == light_hz[lit[-1]]:
         return 0.0
-    levels = int(order[0]), int(lit[0]), int(lit[-1])
-    low, dim, bright = (float(light_hz[level]) for level in levels)
-    if dim == bright:
-        return 0.0
-    good = recorded.used[list(levels)].all(axis=0)
-    slope = (bright - low) / (dim - low)
-    loss, variance = np.zeros(good.sum()), np.zeros(good.sum())
-    for level, share in zip(levels, (1 - slope, slope, -1.0), strict=True):
-        rate_hz = _rates(recorded, level, recorded.mean[level], None)
-        loss = loss + share * rate_hz[good]
-        variance = variance + share**2 * _variance(recorded, level, rate_hz, None)[good]
-    return float(np.sum(loss) / np.sqrt(np.sum(variance))) if good.any() else 0.0
+    levels = [order[0], lit[0], lit[-1]]
+    low, dim, bright = light_hz[levels]
+    slope, good = (bright - low) / (dim - low), recorded.used[levels].all(axis=0)
+    share = np.array([1 - slope, slope, -1.0]) / recorded.exposure_s[levels]
+    counts, frames = recorded.mean[levels][:, good].sum(axis=1), recorded.frames[levels]
+    variance = recorded.spread[levels] * np.maximum(counts, 0.3 / frames) / frames
+    return float(share @ counts / np.sqrt(share**2 @ variance))
 
 
 def _rates(recorded: _Recorded, level: int, counts: Floats, recovery: Recovery | None) -> Floats:
@@ -454,7 +433,7 @@ def _dark_counts(
     variance = [_variance(recorded, at, np.maximum(value, 1e-9), recovery) for at in levels]
     weight = recorded.used[is_dark] / np.array(variance)
     common = (weight * rates).sum(axis=0) / np.maximum(weight.sum(axis=0), 1e-300)
-    fits["dark counts"] = _pooled(rates, common, weight, 1)
+    fits["dark counts"] = pooled_misfit(rates - common, weight, common + 0 * rates, 1)
     # to first order, both kinds of dead time hide the same counts
     hidden = 1 + value * (recovery.dead_s if recovery else 0.0)
     return Estimate(value, low, high).where(number > 0).scaled(hidden)
@@ -479,63 +458,46 @@ def _telegraph(
     return Switching(marked, low_hz, high_hz, frames * float(recorded.exposure_s[best]))
 
 
-def _pooled(rates: Floats, fitted: Floats, weight: Floats, parameters: int) -> Misfit:
-    """Goodness of fit of rates (levels, rows, columns) over all pixels."""
-    flat = (len(rates), -1)
-    left, weight, mean = (
-        values.reshape(flat)
-        for values in (rates - fitted, weight, np.broadcast_to(fitted, rates.shape))
-    )
-    return pooled_misfit(left, weight, mean, parameters)
-
-
 def _efficiency(
-    recorded: _Recorded, recovery: Recovery | None, longer: Recovery | None, fits: dict[str, Misfit]
-) -> Estimate | str:
-    """Slope of rates over light, by weighted least squares, or why not.
-
-    The interval covers a dead time that is longer by its error.
-    """
+    recorded: _Recorded, recovery: Recovery | None, fitted: DeadTimeEstimate | None,
+    fits: dict[str, Misfit],
+) -> Estimate | str:  # fmt: skip
+    """Slope of rates over light, by weighted least squares, or why not."""
     lights = np.unique(recorded.light_hz)
     if len(lights) < 2:
         need = "the dark or a second light" if lights.max() else "a recording under uniform light"
         return f"needs {need}"
-    used, brightest = recorded.used.astype(np.float64), lights.max()
+    brightest, levels = lights.max(), range(len(recorded.mean))
     light = (recorded.light_hz / brightest)[:, None, None]
-
-    def rates(recovery: Recovery | None) -> Floats:
-        levels = enumerate(recorded.mean)
-        return np.array([_rates(recorded, at, mean, recovery) for at, mean in levels])
-
-    rate_hz = fitted_hz = rates(recovery)
+    rate_hz = np.array([_rates(recorded, at, recorded.mean[at], recovery) for at in levels])
+    line_hz = rate_hz
+    if fitted is not None:  # of the typical pixel
+        line_hz = np.median(fitted.fit.arrivals_hz, axis=1)[:, None, None] * np.ones_like(rate_hz)
     for _ in range(_ROUNDS):
-        variance = [_variance(recorded, at, rate, recovery) for at, rate in enumerate(fitted_hz)]
-        weight = used / np.array(variance)
-        intercept, slope, slope_variance = _line(light, rate_hz, weight)
-        fitted_hz = np.maximum(intercept + slope * light, 0)
-    fits["efficiency"] = _pooled(rate_hz, fitted_hz, weight * (slope > 0), 2)
+        variance = [_variance(recorded, at, line_hz[at], recovery) for at in levels]
+        weight = recorded.used / np.array(variance)
+        if recovery is not None and recovery.kind == "paralyzable":
+            # near the maximum of the curve and beyond it, readings do not tell rates
+            weight *= line_hz * recovery.dead_s < _MOST_PARALYZED
+        s, sx, sxx, sy, sxy = (
+            (weight * values).sum(axis=0)
+            for values in (np.ones_like(light), light, light**2, rate_hz, light * rate_hz)
+        )
+        det = s * sxx - sx**2
+        det = np.where(det > 1e-12 * np.maximum(s * sxx, 1e-300), det, np.nan)
+        intercept, slope, slope_variance = (
+            np.nan_to_num(of / det) for of in (sxx * sy - sx * sxy, s * sxy - sx * sy, s)
+        )
+        line_hz = np.maximum(intercept + slope * light, 0)
+    fits["efficiency"] = pooled_misfit(rate_hz - line_hz, weight * (slope > 0), line_hz, 2)
     if fits["efficiency"].is_clear:
         return (
             "rates are not proportional to light, a level differs by "
             f"{100 * fits['efficiency'].share:+.2g} %; check the lights, or record dimmer and "
             "brighter ones, so that dead time is found"
         )
-    value, error = slope / brightest, np.sqrt(slope_variance) / brightest
-    if longer is not None:
-        moved = _line(light, rates(longer), weight)[1] / brightest
-        error = np.hypot(error, moved - value)
-    several = np.sum([used[recorded.light_hz == hz].max(axis=0) for hz in lights], axis=0)
+    shared = fitted.efficiency_error if fitted is not None else 0.0
+    error = np.hypot(np.sqrt(slope_variance), shared * slope) / brightest
+    several = np.sum([(weight[recorded.light_hz == hz] > 0).any(axis=0) for hz in lights], axis=0)
     error = np.where((several > 1) & (error > 0), error, np.nan)
-    return Estimate.normal(value, error, (used.shape[1], used.shape[2]))
-
-
-def _line(light: Floats, rate: Floats, weight: Floats) -> tuple[Floats, Floats, Floats]:
-    """Intercept and slope of rates over light (levels, 1, 1), and the variance of the slope."""
-    s, sx, sxx, sy, sxy = (
-        (weight * values).sum(axis=0)
-        for values in (np.ones_like(light), light, light**2, rate, light * rate)
-    )
-    det = s * sxx - sx**2
-    det = np.where(det > 1e-12 * np.maximum(s * sxx, 1e-300), det, np.nan)
-    intercept, slope, variance = (sxx * sy - sx * sxy) / det, (s * sxy - sx * sy) / det, s / det
-    return np.nan_to_num(intercept), np.nan_to_num(slope), np.nan_to_num(variance)
+    return Estimate.normal(slope / brightest, error, (error.shape[0], error.shape[1]))

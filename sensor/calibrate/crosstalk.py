@@ -37,8 +37,7 @@ from megalopta.core.arrays import Floats, Ints, Mask, robust_sigma
 from megalopta.sensor.calibrate.statistics import OFFSETS, Statistics, both
 from megalopta.sensor.effects.crosstalk import REACH, Crosstalk, neighborhoods
 
-_FAR, _ALIKE = 4, 1e-3
-_SIDE_OF_TORUS = 12
+_FAR, _ALIKE, _SIDE_OF_TORUS = 4, 1e-3, 12
 _CLASSES = (slice(0, 2), slice(2, 4), slice(4, 6))
 """Edge, corner and second neighbors of `OFFSETS`, four of each"""
 _AXES: tuple[tuple[int, ...], ...] = ((0, 1, 2), (1, 2), (2,), (1,))
@@ -67,13 +66,11 @@ class Kernel(NamedTuple):
         mean, are_alike = np.empty_like(self.share), []
         for part in _CLASSES:
             share, weight = self.share[part], 1 / np.maximum(self.error[part], 1e-15) ** 2
-            for axes in _AXES:
+            for axes in (*_AXES, ()):
                 average = np.average(share, axes, weight, keepdims=True)
                 apart = float((weight * (share - average) ** 2).sum())
                 if chi2.sf(apart, share.size - average.size) > _ALIKE:
                     break
-            else:
-                average, axes = share, ()
             mean[part] = average
             are_alike.append(axes == _AXES[0])
         return mean, are_alike
@@ -131,11 +128,12 @@ class Kernel(NamedTuple):
         return self.afterpulses > 3 * self.afterpulses_error
 
 
-def neighbor_kernel(recording: Statistics, good: Mask) -> Kernel:
+def neighbor_kernel(recording: Statistics, good: Mask, *, is_binary: bool = False) -> Kernel:
     """Estimate the kernel from dark counts, of the good pixels (rows, columns).
 
-    Raises ValueError if too few good pixels have neighbors.
+    Bits do not show afterpulses. Raises ValueError if too few good pixels have neighbors.
     """
+    recording = _of_events(recording, good) if is_binary else recording
     mean, variance, n = recording.mean, recording.variance, recording.frames
     pairs = [_pairs(recording, good, at) for at in range(len(OFFSETS))]
     ratios, errors = np.array(pairs).transpose(1, 0, 2, 3)
@@ -151,7 +149,7 @@ def neighbor_kernel(recording: Statistics, good: Mask) -> Kernel:
     fano = float((weight * variance[good]).sum() / (weight * m).sum()) - common
     spread = 1 / np.sqrt(n * (weight * m).sum())
     left = 1.0  # 1 − p
-    for _ in range(3):
+    for _ in range(1 if is_binary else 3):
         # the kernel that produces the observed covariances
         target = seen * left**2
         relative = target / 2
@@ -164,8 +162,29 @@ def neighbor_kernel(recording: Statistics, good: Mask) -> Kernel:
                 relative *= 0.8 / total
             if np.abs(change).max() < 1e-7:
                 break
-        left = max(fano / spread_by_talk, 1e-9) ** -0.5
+        left = left if is_binary else max(fano / spread_by_talk, 1e-9) ** -0.5
+    if is_binary:
+        return Kernel(relative, error, np.nan, np.nan)
     return Kernel(relative * left, error * left**3, float(1 - left), float(0.5 * spread * left**3))
+
+
+def _of_events(bits: Statistics, good: Mask) -> Statistics:
+    """Statistics of the events that make bits 1.
+
+    With λ and μ events, crosstalk k and none of both bits in a share Q of frames, of P and R alone,
+    ln(Q/PR) = k (λ + μ), which is the covariance of events.
+    """
+    none = np.where(good, 1 - bits.mean, 1.0).clip(1 / bits.frames)
+    covariances = np.zeros_like(bits.neighbors)
+    for covariance, seen, offset in zip(covariances, bits.neighbors, OFFSETS, strict=True):
+        first, second = both(offset)
+        share = none[first] * none[second]
+        covariance[first] = np.log(np.maximum(1 + seen[first] / share, 0.1))
+    mean = -np.log(none)
+    # a covariance of bits is less certain than one of events
+    frames = bits.frames * float((mean[good].sum() / (1 / none - 1)[good].sum()) ** 2)
+    of_rows = bits.of_rows / none[good].mean()
+    return bits._replace(mean=mean, neighbors=covariances, frames=int(frames), of_rows=of_rows)
 
 
 def mean_kernel(kernels: Sequence[Kernel]) -> Kernel:
@@ -208,14 +227,14 @@ def _response(share: Floats) -> tuple[Floats, float]:
     side = _SIDE_OF_TORUS
     rows, columns = np.indices((side, side))
     number, kernel = rows * side + columns, np.zeros((side**2, side**2))
-    others = [(rows + down) % side * side + (columns + right) % side for down, right in OFFSETS]
-    for other, of_parity in zip(others, share, strict=True):
-        values = np.tile(of_parity, (side // PERIOD, side // PERIOD))
-        kernel[number, other] += values
-        kernel[other, number] += values
+    neighbors = [(rows + down) % side * side + (columns + right) % side for down, right in OFFSETS]
+    for neighbor, of_parity in zip(neighbors, share, strict=True):
+        probability = np.tile(of_parity, (side // PERIOD, side // PERIOD))
+        kernel[number, neighbor] += probability
+        kernel[neighbor, number] += probability
     response = np.linalg.inv(np.identity(side**2) - kernel)
     covariance = (response * (1 - np.square(kernel).sum(axis=0))) @ response.T
-    of_offsets = [covariance[number, other][:PERIOD, :PERIOD] for other in others]
+    of_offsets = [covariance[number, neighbor][:PERIOD, :PERIOD] for neighbor in neighbors]
     return np.array(of_offsets), float(np.diagonal(covariance).mean())
 
 
@@ -231,13 +250,8 @@ def crosstalk_of_hot_pixels(rates: Floats) -> Floats:
     """Return shares that pixels receive, (2, 2, 7, 7), by parity of the receiver's row and column.
 
     [p, q, 3 + down, 3 + right] is the share of the rate of the pixel that is so far down and right.
-
-    Parameters
-    ----------
-    rates : (rows, columns) float64
-        Mean events per frame or second; NaN: not known, as are all pixels that see such a one.
-
-    Raises ValueError if there are too few pixels.
+    `rates` (rows, columns) are mean events per frame or second; NaN: not known, as are all pixels
+    that see such a one. Raises ValueError if there are too few pixels.
     """
     if rates.size < FEWEST_PIXELS:
         raise ValueError(f"{rates.size} pixels; crosstalk of hot pixels needs {FEWEST_PIXELS}")
@@ -299,10 +313,6 @@ class PairCrosstalk(NamedTuple):
         """Return a part of the pairs."""
         return PairCrosstalk._make(values[chosen] for values in self)
 
-    def at(self, down: int, right: int) -> "PairCrosstalk":
-        """Return the pairs at a distance."""
-        return self.some((self.down == down) & (self.right == right))
-
 
 def fit_crosstalk(pairs: PairCrosstalk) -> Crosstalk:
     """Return crosstalk with the mean probability of the pairs at each distance.
@@ -311,7 +321,8 @@ def fit_crosstalk(pairs: PairCrosstalk) -> Crosstalk:
     """
     probabilities = []
     for offsets in (((0, 1), (1, 0)), ((1, 1),), ((0, 2), (2, 0)), ((0, 3), (3, 0))):
-        values = np.concatenate([pairs.at(*offset).probability for offset in offsets])
+        are_at = ((pairs.down == down) & (pairs.right == right) for down, right in offsets)
+        values = np.concatenate([pairs.probability[is_at] for is_at in are_at])
         probabilities.append(float(values.mean()) if values.size else 0.0)
     edge = probabilities[0]
     if not edge > 0:

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from megalopta.core.arrays import Floats, Mask
+from megalopta.core.arrays import Floats
 from megalopta.sensor.calibrate.comb import HIDDEN_AT, CombFit, Curve, comb_period, fit_comb
 from megalopta.sensor.calibrate.counts import CountingDevice, Summed, calibrate_counts
 from megalopta.sensor.calibrate.level import Drops, Level, check_levels, drops_of, photon_transfer
@@ -46,26 +46,25 @@ class Device(CountingDevice):
 def calibrate_device(
     levels: Sequence[Level], counter: AnalogCounter, known: DeadTime | None = None
 ) -> Device:
-    """Estimate all parameters that dark and lit levels determine, with 95 % CI.
+    """Estimate all parameters that levels determine, with 95 % CI.
 
-    Parameters
-    ----------
-    levels : sequence of Level
-        Dark frames at three or more exposures; flat frames of any number of lights.
-    counter : AnalogCounter
-        Its supply, swing and ADC.
-    known : DeadTime, optional
-        Dead time that corrects counts if levels do not determine it.
-
-    Raises ValueError if the recordings are insufficient (`check_levels`), or the shortest dark
-    exposure is too long to determine the level of no counts.
+    `levels` are dark frames at three or more exposures, and flat frames of any number of lights;
+    `counter` tells its supply, swing and ADC; `known` is a dead time that corrects counts if levels
+    do not determine it. Raises ValueError if the recordings are insufficient (`check_levels`), or
+    the shortest dark exposure is too long to determine the level of no counts.
     """
     check_levels(levels, counter)
     shape = levels[0].readings.shape[1], levels[0].readings.shape[2]
     drops = drops_of(levels, counter)
     fit = _fitted_comb(drops, counter)
     errors = np.sqrt(np.maximum(np.diagonal(fit.covariance, axis1=1, axis2=2), 0))
-    failed = _misassigned(drops, fit, errors)
+    # peaks were misassigned: noise or leak is implausible
+    leak_v_s = fit.solution[:, 1]
+    failed = ~(fit.noise_v <= _LOUDEST * np.median(fit.noise_v))
+    failed |= (leak_v_s < -5.0 * errors[:, 1]) | (drops.frames.sum(axis=0) == 0)
+    # peaks that are off by whole counts at the longest exposure look like leak
+    distance = np.abs(leak_v_s - np.median(leak_v_s))
+    failed |= distance > 40.0 * np.median(distance)
     errors[failed], drops.frames[:, failed] = np.nan, 0
     offset, leak, step = (
         Estimate.normal(*column, shape) for column in zip(fit.solution.T, errors.T, strict=True)
@@ -135,14 +134,3 @@ def _fitted_comb(drops: Drops, counter: AnalogCounter) -> CombFit:
             "more than a tenth over it; omit the levels with most counts"
         )
     return fit
-
-
-def _misassigned(drops: Drops, fit: CombFit, errors: Floats) -> Mask:
-    """Pixels whose peaks were misassigned: too noisy, with an implausible leak, or never used."""
-    leak_v_s = fit.solution[:, 1]
-    failed = ~(fit.noise_v <= _LOUDEST * np.median(fit.noise_v))
-    failed |= leak_v_s < -5.0 * errors[:, 1]
-    # peaks that are off by whole counts at the longest exposure look like leak
-    distance = np.abs(leak_v_s - np.median(leak_v_s))
-    failed |= distance > 40.0 * np.median(distance)
-    return np.asarray(failed | (drops.frames.sum(axis=0) == 0))

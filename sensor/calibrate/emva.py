@@ -103,10 +103,10 @@ class Nonuniformity(NamedTuple):
         total = float(np.nanvar(means)) - noise
         of_rows = float(np.nanvar(np.nanmean(means, axis=1))) - noise / n
         of_columns = float(np.nanvar(np.nanmean(means, axis=0))) - noise / m
-        rest = m * n - m - n if min(m, n) > 2 else np.nan
-        row = ((m * n - n) * of_rows - m * (total - of_columns)) / rest
-        column = ((m * n - m) * of_columns - n * (total - of_rows)) / rest
-        pixel = m * n * (total - of_rows - of_columns) / rest
+        freedom = m * n - m - n if min(m, n) > 2 else np.nan
+        row = ((m * n - n) * of_rows - m * (total - of_columns)) / freedom
+        column = ((m * n - m) * of_columns - n * (total - of_rows)) / freedom
+        pixel = m * n * (total - of_rows - of_columns) / freedom
         parts = np.array((total, row, column, pixel))
         parts[parts < 1e-24 * np.nanmean(means**2)] = 0  # rounding, or noise alone
         return cls(*(np.sqrt(parts) / unit).tolist())
@@ -166,13 +166,9 @@ def rows(*figures: Emva) -> tuple[tuple[str, ...], ...]:
 
 
 def emva(
-    dark: Step,
-    steps: Sequence[Step],
-    *,
-    factors: tuple[float, float] = (1.0, 1.0),
-    rounding: float = 0.0,
-    excess_noise: float = 1.0,
-) -> Emva:
+    dark: Step, steps: Sequence[Step], *, factors: tuple[float, float] = (1.0, 1.0),
+    rounding: float = 0.0, excess_noise: float = 1.0,
+) -> Emva:  # fmt: skip
     """Return the figures of a camera from a dark step and steps of increasing light.
 
     `factors` multiply R and K (`without_dead_time`). `rounding`: variance that rounding adds, DN²,
@@ -291,11 +287,9 @@ def without_dead_time(
 
 
 def _exact_steps(
-    sensor: Sensor | FrameSensor,
-    shape: tuple[int, int],
-    wavelength_nm: float,
+    sensor: Sensor | FrameSensor, shape: tuple[int, int], wavelength_nm: float,
     photons: Sequence[float] | Floats,
-) -> list[Step]:
+) -> list[Step]:  # fmt: skip
     """Steps of the middle of a device."""
     side = min(shape[0], _SIDE), min(shape[1], _SIDE)
     light = np.asarray(photons, np.float64)

@@ -81,12 +81,12 @@ class Level:
 
     def mapped(self, change: Callable[[NDArray[Any]], NDArray[Any]]) -> "Level":
         """Change each array of frames (n, rows, columns) alike."""
-        names = "readings", "saturated", "codes", "unrounded"
-        arrays: dict[str, Any] = {name: getattr(self, name) for name in names}
-        known: dict[str, Any] = {
-            name: change(array) for name, array in arrays.items() if array is not None
+        arrays: dict[str, Any] = {
+            name: change(frames)
+            for name in ("readings", "saturated", "codes", "unrounded")
+            if (frames := getattr(self, name)) is not None
         }
-        return replace(self, **known)
+        return replace(self, **arrays)
 
     def moved(self, change: Callable[[NDArray[Any]], NDArray[Any]]) -> "Level":
         """Change counts, and leave codes as they are."""
@@ -112,38 +112,20 @@ def conditions(light_hz: float, exposure_s: float) -> str:
     return f"{light}, exposure of {with_error(exposure_s, 0, 's')}"
 
 
-class Drift(NamedTuple):
-    """Mean of the second half of a series less that of the first, and its standard error."""
-
-    change: float
-    error: float
-
-    @property
-    def z(self) -> float:
-        """Change in standard errors."""
-        return self.change / max(self.error, 1e-300) if self.change else 0.0
-
-
-def drift(series: Floats) -> Drift:
-    """Return the drift of one value per frame, (n,), of independent frames."""
-    half = len(series) // 2
-    first, second = series[:half], series[half:]
-    error = np.sqrt(first.var(ddof=1) / first.size + second.var(ddof=1) / second.size)
-    return Drift(float(second.mean() - first.mean()), float(error))
-
-
 def check_steadiness(recording: object, frame_means: Floats, variance: Floats) -> None:
     """Refuse a recording that drifts; ValueError names it.
 
-    `frame_means` (n,), and the variance of each pixel.
+    `frame_means` (n,), of independent frames, and the variance of each pixel.
     """
-    drifted, sigma = drift(frame_means), float(np.sqrt(variance.mean()))
-    if abs(drifted.z) > 6.0 and abs(drifted.change) > 0.005 * sigma:
+    first, second = np.split(frame_means, [len(frame_means) // 2])
+    change, sigma = float(second.mean() - first.mean()), float(np.sqrt(variance.mean()))
+    error = np.sqrt(first.var(ddof=1) / first.size + second.var(ddof=1) / second.size)
+    if abs(change) > max(6.0 * error, 0.005 * sigma):
         raise ValueError(
             f"{recording}: drifts; the second half differs from the first by "
-            f"{drifted.change / max(sigma, 1e-300):+.2g} times the noise of a pixel, "
-            f"{abs(drifted.z):.0f} standard errors; let light and temperature settle and capture "
-            "again"
+            f"{change / max(sigma, 1e-300):+.2g} times the noise of a pixel, "
+            f"{abs(change) / max(error, 1e-300):.0f} standard errors; let light and temperature "
+            "settle and capture again"
         )
 
 
@@ -172,8 +154,7 @@ class Drops(NamedTuple):
 
     def at(self, entries: Mask) -> "Drops":
         """Keep some entries, (E,)."""
-        names = self._fields[:4]
-        return self._replace(**{name: getattr(self, name)[entries] for name in names})
+        return self._replace(**{name: getattr(self, name)[entries] for name in self._fields[:4]})
 
     @property
     def entry_exposure_s(self) -> Floats:

@@ -32,31 +32,23 @@ class Misfit(NamedTuple):
 
 
 def pooled_misfit(
-    left: Floats,
-    weight: Floats,
-    mean: Floats,
-    parameters: int,
+    left: Floats, weight: Floats, mean: Floats, parameters: int,
     variances: tuple[Floats, Floats] = (np.empty(0), np.empty(0)),
-) -> Misfit:
+) -> Misfit:  # fmt: skip
     """Return how far levels, over all pixels, are from curves with so many parameters.
 
-    Residuals, their weights (0: unknown) and fitted means are (levels, P); `variances` are relative
+    Residuals, their weights (0: unknown) and fitted means are (levels, …); `variances` are relative
     residuals of variances, and their errors, (levels,).
     """
-    pixels = (weight > 0).sum(axis=1)
-    used = pixels > 0
-    z = [(left * np.sqrt(weight)).sum(axis=1)[used] / np.sqrt(pixels[used])]
-    apart, of = ((values * (weight > 0)).sum(axis=1)[used] for values in (left, mean))
-    shares = [apart / np.maximum(of, 1e-300)]
-    known = np.isfinite(variances[1])
-    z.append(variances[0][known] / variances[1][known])
-    shares.append(variances[0][known])
-    freedom = z[0].size + z[1].size - parameters
-    if freedom < 1:
+    pixels = tuple(range(1, left.ndim))
+    number = (weight > 0).sum(axis=pixels)
+    apart, mean = ((of * (weight > 0)).sum(axis=pixels) for of in (left, mean))
+    z_of_means = (left * np.sqrt(weight)).sum(axis=pixels)[number > 0] / np.sqrt(number[number > 0])
+    share, error = (of[np.isfinite(variances[1])] for of in variances)
+    z = np.concatenate((z_of_means, share / error))
+    if z.size <= parameters:
         return Misfit(0.0, np.nan)
-    clearest = int(np.argmax(np.abs(np.concatenate(z))))
-    share, p = (
-        float(np.concatenate(shares)[clearest]),
-        chi2.sf(np.square(np.concatenate(z)).sum(), freedom),
-    )
-    return Misfit(share, float(p), "mean" if clearest < z[0].size else "variance")
+    clearest = int(np.argmax(np.abs(z)))
+    shares = np.concatenate(((apart / np.maximum(mean, 1e-300))[number > 0], share))
+    p = float(chi2.sf(np.square(z).sum(), z.size - parameters))
+    return Misfit(float(shares[clearest]), p, "mean" if clearest < z_of_means.size else "variance")

@@ -18,8 +18,6 @@ from megalopta.core.arrays import Floats, Mask
 from megalopta.sensor.calibrate.statistics import LAGS, Statistics
 
 _95 = 1.959964
-DEAD_BELOW = 0.05
-"""Share of the reference's counts below which a pixel is dead."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,17 +51,16 @@ class Estimate:
 
 
 def dead_pixels(counts: Floats, reference: Floats) -> Mask:
-    """Mark pixels that count almost nothing, by sums over all frames of every recording.
-
-    `counts` and `reference`, of one shape, are those of the pixels and of healthy ones.
-    """
-    return np.asarray((reference > 50.0) & (counts < DEAD_BELOW * reference))
+    """Mark pixels that count less than 5 % of a reference, by sums over all frames."""
+    return np.asarray((reference > 50.0) & (counts < 0.05 * reference))
 
 
 def constant_pixels(recordings: Sequence[NDArray[np.generic]]) -> Mask:
     """Mark pixels (rows, columns) with one reading in all frames (n, rows, columns) of each."""
     first = recordings[0][0]
-    return np.asarray(np.logical_and.reduce([(each == first).all(axis=0) for each in recordings]))
+    return np.asarray(
+        np.logical_and.reduce([(frames == first).all(axis=0) for frames in recordings])
+    )
 
 
 def hot_pixels(low: Floats, dark: Floats, high: Floats, times: float = 10.0) -> Mask:

@@ -17,6 +17,7 @@ Source: dissertation §2.3.3, Eq. 2.5 and 2.6; Knoll, Radiation Detection and Me
 
 from collections.abc import Mapping
 from contextlib import suppress
+from operator import attrgetter
 from typing import Any, Literal, NamedTuple, get_args
 
 import numpy as np
@@ -59,8 +60,10 @@ class Recovery(NamedTuple):
     @property
     def dead_time(self) -> DeadTime:
         """Setting of a sensor."""
-        slow = {"recharge_s": self.recharge_s, "twilight_s": min(self.twilight_s, self.dead_s / 2)}
-        return DeadTime(kind=self.kind, dead_time_s=self.dead_s, **slow)
+        return DeadTime(
+            kind=self.kind, dead_time_s=self.dead_s, recharge_s=self.recharge_s,
+            twilight_s=min(self.twilight_s, self.dead_s / 2),
+        )  # fmt: skip
 
     def moments(self, rate_hz: Floats, exposure_s: float) -> Moments:
         """Return mean and variance of the counts at rates of arrivals, of any shape."""
@@ -104,6 +107,8 @@ class Fit(NamedTuple):
     """(levels, P)"""
     own: Floats
     """Dark counts and efficiency of each pixel, (2, P)"""
+    efficiency_error: float
+    """Relative standard error of the efficiency that all pixels share"""
 
     def error(self, name: str) -> float:
         """Return the standard error of a parameter, 0 if it was not fitted."""
@@ -111,6 +116,9 @@ class Fit(NamedTuple):
             return 0.0
         at = self.names.index(name)
         return float(getattr(self.recovery, name) * np.sqrt(max(self.covariance[at, at], 0.0)))
+
+
+_chi2 = attrgetter("chi2")
 
 
 class _State(NamedTuple):
@@ -134,15 +142,14 @@ def _state(curves: Curves, recovery: Recovery, arrivals_hz: Floats) -> _State:
         places = (1 - np.cos(np.pi * (np.arange(number) + 0.5) / number)) / 2
         nodes = low - 0.02 + (high - low + 0.04) * places
         mean, variance = recovery.moments(np.exp(nodes), float(exposure_s))
-        known = np.log(mean) - nodes, variance / mean
+        logs = np.column_stack([np.log(mean) - nodes, np.log((variance / mean).clip(1e-9))])
         x = np.log(np.maximum(arrivals, np.exp(low)))
-        weights = lagrange_weights(x, nodes)
-        live = np.exp(weights @ known[0])
-        ahead = lagrange_weights(x + 1e-4, nodes) @ known[0]
-        slope = live * (1 + (ahead - np.log(live)) / 1e-4)
-        parts.append((live * arrivals, weights @ known[1], slope))
-    mean, spread, slope = np.array(parts).transpose(1, 0, 2)
-    return _State(mean, spread, np.maximum(slope, 1e-3 * curves.exposure_s[:, None]))
+        live, spread = np.exp(lagrange_weights(x, nodes) @ logs).T
+        ahead = np.exp(lagrange_weights(x + _NUDGE, nodes) @ logs[:, 0])
+        # negative beyond the maximum of a paralyzable curve
+        slope = live + (ahead - live) / _NUDGE
+        parts.append((live * arrivals, spread, slope))
+    return _State(*np.array(parts).transpose(1, 0, 2))
 
 
 def _first_rates(curves: Curves, start: Recovery) -> Floats:
@@ -151,7 +158,7 @@ def _first_rates(curves: Curves, start: Recovery) -> Floats:
     dark = (curves.frames > 0) & (curves.light_hz == 0)[:, None]
     dark_hz = (rate * dark).sum(axis=0) / np.maximum(dark.sum(axis=0), 1)
     is_lit = (curves.frames > 0) & (curves.light_hz > 0)[:, None]
-    dimmest = np.argmin(np.where(is_lit, rate, np.inf), axis=0)
+    dimmest = np.argmin(np.where(is_lit, curves.light_hz[:, None], np.inf), axis=0)
     lit_hz = rate[dimmest, np.arange(dark_hz.size)]
     arrivals_hz = lit_hz / np.maximum(1 - lit_hz * start.dead_s, 0.3)
     return np.array([dark_hz, np.maximum(arrivals_hz - dark_hz, 0) / curves.light_hz[dimmest]])
@@ -183,9 +190,9 @@ def _equations(
     slopes = np.zeros((len(names), len(light_hz)))
     for name, slope in zip(names, slopes, strict=True):
         nudged = recovery._replace(**{name: getattr(recovery, name) * np.exp(_NUDGE)})
-        other = _state(curves, nudged, arrivals_hz)
-        columns.append((other.mean - state.mean) / _NUDGE)
-        of_spread = np.log(other.spread / state.spread) / _NUDGE
+        mean, spread, _ = _state(curves, nudged, arrivals_hz)
+        columns.append((mean - state.mean) / _NUDGE)
+        of_spread = np.log(spread / state.spread) / _NUDGE
         slope[:] = ratio * (of_spread * used).sum(axis=1) / np.maximum(used.sum(axis=1), 1)
     design = np.stack(columns, axis=-1)
     normal = np.einsum("lp,lpi,lpj->pij", weight, design, design)
@@ -238,7 +245,11 @@ def _fitted(
         values = np.maximum(values, least_s).tolist()
         recovery = recovery._replace(**dict(zip(names, values, strict=True)))
     covariance = covariance * (1 + 2 * curves.talk)
-    return Fit(recovery, names, covariance, of.chi2, of.misfit, arrivals_hz, own)
+    shared = np.einsum("pj,jk,pk->p", of.mixed[:, 1], covariance, of.mixed[:, 1]) / own[1] ** 2
+    efficiency_error = float(np.sqrt(np.median(shared)))
+    return Fit(
+        recovery, names, covariance, of.chi2, of.misfit, arrivals_hz, own, efficiency_error
+    )  # fmt: skip
 
 
 def _variance_ratios(curves: Curves, variance: Floats) -> tuple[Floats, Floats]:
@@ -260,8 +271,10 @@ class DeadTimeEstimate(NamedTuple):
 
     fit: Fit
     error_s: float
-    """Standard errors of dead time and afterpulses, of whatever delay fits"""
+    """Standard errors of dead time, afterpulses, and, relative, the efficiency that all pixels
+    share, of whatever delay fits"""
     fired_error: float
+    efficiency_error: float
     is_kind_clear: bool
     delays_s: tuple[float, float] | None
     """Range that fits, 95 % CI; None without afterpulses"""
@@ -283,9 +296,9 @@ def fit_recovery(curves: Curves, fired: float) -> DeadTimeEstimate:
         for kind, start in starts.items()
     }
     bests = {kind: min(group, key=_chi2) for kind, group in groups.items()}
-    best, other = sorted(bests.values(), key=_chi2)
+    best, second_best = sorted(bests.values(), key=_chi2)
     group, plain = groups[best.recovery.kind], bests["nonparalyzable"]
-    is_kind_clear, limits = other.chi2 - best.chi2 > _CLEAR, {}
+    is_kind_clear, limits = second_best.chi2 - best.chi2 > _CLEAR, {}
     doubt, slow = best.misfit.p < 1e-3, [best]
     is_alone = not fired and best is plain
     for name in _SLOW if doubt or is_alone else ():
@@ -295,23 +308,20 @@ def fit_recovery(curves: Curves, fired: float) -> DeadTimeEstimate:
             fit = _fitted(curves, start, (*plain.names, name), _ROUNDS if doubt else 1, plain)
             limits[name] = getattr(fit.recovery, name) + 1.645 * fit.error(name)
             slow.append(fit)
-    fastest, second = sorted([*slow, best], key=_chi2)[:2] if doubt else (best, best)
-    if best.chi2 - fastest.chi2 > _CLEAR:
+    fastest, second = sorted([*slow, best], key=_chi2)[:2]
+    if doubt and best.chi2 - fastest.chi2 > _CLEAR:
         best, group, is_kind_clear = fastest, [fastest], second.chi2 - fastest.chi2 > _CLEAR
     if not is_alone or best is not plain:
         limits = {}
     fitting = [fit for fit in group if fit.chi2 < best.chi2 + _95]
 
-    def error(name: str) -> float:
-        """Standard error, of the profile of the likelihood over delays."""
-        value = getattr(best.recovery, name)
-        ends = [
-            abs(getattr(fit.recovery, name) - value)
-            + np.sqrt(_95 - fit.chi2 + best.chi2) * fit.error(name)
-            for fit in fitting
-        ]
-        return float(max(ends) / np.sqrt(_95))
-
+    # ends of 95 % CI of dead time, afterpulses and efficiency, of the profile over delays
+    ends = []
+    for fit in fitting:
+        ratio = np.median(fit.own[1] / best.own[1])
+        values = *np.subtract(fit.recovery[1:3], best.recovery[1:3]), ratio - 1
+        errors = fit.error("dead_s"), fit.error("fired"), fit.efficiency_error
+        ends.append(np.abs(values) + np.sqrt(_95 - fit.chi2 + best.chi2) * np.array(errors))
     delays_s = None
     if fired:
         delay_s, error_s = best.recovery.delay_s, 1.96 * best.error("delay_s")
@@ -319,12 +329,10 @@ def fit_recovery(curves: Curves, fired: float) -> DeadTimeEstimate:
         known_s = [fit.recovery.delay_s for fit in groups[best.recovery.kind]]
         low, high = min(*fits_s, delay_s - error_s), max(*fits_s, delay_s + error_s)
         delays_s = max(low, min(known_s)), min(high, max(known_s))
-    dead_error_s, fired_error = error("dead_s"), error("fired")
-    return DeadTimeEstimate(best, dead_error_s, fired_error, is_kind_clear, delays_s, limits)
-
-
-def _chi2(fit: Fit) -> float:
-    return fit.chi2
+    error_s, fired_error, efficiency_error = (np.max(ends, axis=0) / np.sqrt(_95)).tolist()
+    return DeadTimeEstimate(
+        best, error_s, fired_error, efficiency_error, is_kind_clear, delays_s, limits
+    )  # fmt: skip
 
 
 def _start(curves: Curves, kind: DeadTimeKind, fired: float) -> Fit:

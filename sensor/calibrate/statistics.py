@@ -58,8 +58,8 @@ def statistics(readings: NDArray[Any]) -> Statistics:
         missing = ends[:, lag - 1].sum(axis=0)
         later[lag - 1] -= mean * (2 * sums[0] - missing) - (n - lag) * mean**2
     for product, offset in zip(pairs, OFFSETS, strict=True):
-        first, second_one = both(offset)
-        product[first] -= n * mean[first] * mean[second_one]
+        pixel, neighbor = both(offset)
+        product[pixel] -= n * mean[pixel] * mean[neighbor]
     return Statistics(
         n, mean, np.maximum(second - mean**2, 0) * n / (n - 1),
         third - 3 * mean * second + 2 * mean**3, largest, sums[3], later / n, pairs / (n - 1), rows,
@@ -101,6 +101,6 @@ def _add(
                     product[column] += x[column] * earlier[column]
             for number, (down, right) in enumerate(OFFSETS):
                 if row + down < rows:
-                    other, product = block[frame, row + down], pairs[number, row]
+                    below, product = block[frame, row + down], pairs[number, row]
                     for column in range(max(-right, 0), columns - max(right, 0)):
-                        product[column] += x[column] * other[column + right]
+                        product[column] += x[column] * below[column + right]

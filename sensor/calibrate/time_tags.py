@@ -22,6 +22,9 @@ from megalopta.core.arrays import Floats, Ints
 from megalopta.sensor.effects.afterpulsing import Afterpulsing
 from megalopta.sensor.formats.time_tags import TimeTags
 
+_WITHIN = 0.25
+"""Part of a unit by which a difference of times may err, which are stored as float64"""
+
 
 class Autocorrelation(NamedTuple):
     """Pairs of events by lag, for every pixel."""
@@ -85,6 +88,7 @@ def fit_table(lags: Autocorrelation) -> Afterpulsing:
 
 
 def _seen(lags: Autocorrelation) -> float:
+    """Return the afterpulses per event at these lags; ValueError if there are none."""
     seen = float(np.sum(lags.afterpulses.mean(axis=0) * np.diff(lags.edges_s)))
     if not 0 < seen < 1:
         raise ValueError(f"{seen:.2g} afterpulses per event between {lags.edges_s[0]:g} and "
@@ -99,10 +103,6 @@ def afterpulses_between(model: Afterpulsing, edges_s: Floats) -> Floats:
     else:
         released = -np.expm1(-edges_s / model.delay_s)
     return np.asarray(model.mean_carriers * np.diff(released))
-
-
-_WITHIN = 0.25
-"""Part of a unit by which a difference of times may err, which are stored as float64"""
 
 
 class Coincidences(NamedTuple):

@@ -7,10 +7,8 @@ import pytest
 
 from megalopta.sensor import DeadTime, changed, expose_adc, preset
 from megalopta.sensor.calibrate.comb import Curve
-from megalopta.sensor.calibrate.crosstalk import neighbor_kernel
 from megalopta.sensor.calibrate.device import calibrate_device
 from megalopta.sensor.calibrate.level import Level
-from megalopta.sensor.calibrate.statistics import statistics
 from megalopta.sensor.spad.device import draw_fixed_pattern
 
 DARK_S = (1e-3, 2e-3, 5e-3, 0.01, 0.02, 0.05, 0.1, 0.2, 0.4)
@@ -82,16 +80,6 @@ def test_intervals_hold_the_truth_over_20_devices():
     assert np.all((mean >= 0.93) & (mean <= 0.97)), dict(zip(truth, mean, strict=True))
     # of 20 intervals of 95 %, 9 fail with a chance of 2e-7
     assert dead > 11
-
-
-@pytest.mark.slow
-def test_the_other_kind_of_dead_time_is_named():
-    sensor = device(seed=5, kind="nonparalyzable")
-    found = calibrate_device(levels_of(sensor, 150, (4, 4)), sensor.counter)
-    recovery = found.dead_time.recovery
-    assert recovery.kind == "nonparalyzable" and found.dead_time.is_kind_clear
-    # 5 standard errors: a false alarm in 1.7e6
-    assert abs(recovery.dead_s - 1e-6) < 5 * found.dead_time.error_s < 0.05e-6
 
 
 @pytest.mark.slow
@@ -170,17 +158,3 @@ def noisy(level):
 def test_refusals(recordings, change, words):
     with pytest.raises(ValueError, match=words):
         calibrate_device(change(recordings), device().counter)
-
-
-@pytest.mark.parametrize("carriers", [0.0, 0.1])
-def test_afterpulses_of_dark_counts(carriers):
-    rng = np.random.default_rng(5)
-    primaries = rng.poisson(8.0, (1500, 16, 16))
-    counts, generation = primaries.copy(), primaries
-    while generation.any():
-        generation = rng.poisson(carriers * generation)
-        counts += generation
-    kernel = neighbor_kernel(statistics(counts), np.ones((16, 16), bool))
-    assert abs(kernel.afterpulses - carriers) < 5 * kernel.afterpulses_error * (1 + 5 * carriers)
-    assert kernel.are_afterpulses_seen == (carriers > 0)
-    assert not kernel.is_seen

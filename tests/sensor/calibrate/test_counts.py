@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from megalopta.camera.calibration import primary
 from megalopta.sensor import DigitalCounter, changed, expose_rate, preset
 from megalopta.sensor.calibrate.counts import calibrate_counts, summed, summed_bits
 from megalopta.sensor.calibrate.pixels import correlation
@@ -77,39 +76,12 @@ def covered(estimate, truth):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("kind", "seconds"), [("nonparalyzable", 50e-9), ("paralyzable", 100e-9)])
-def test_dead_time_and_its_kind_are_found(kind, seconds):
-    found = calibrate_counts(levels_of(camera(1, dead_time_s=seconds, kind=kind))).dead_time
-    assert found.recovery.kind == kind and found.is_kind_clear
-    # five standard errors, which include crosstalk that coincidences do not exclude
-    assert found.recovery.dead_s == pytest.approx(seconds, abs=5 * found.error_s)
-    assert found.error_s < 0.005 * seconds
-
-
-@pytest.mark.slow
 def test_dead_time_next_to_crosstalk():
     sensor = camera(1, dead_time_s=1e-6, crosstalk={"mean_fired_neighbors": 0.04})
     found = calibrate_counts(levels_of(sensor, dark=(2e-3, 1e-2), lights=(5e4, 5e5, 5e6)))
     # busy neighbors fire fewer: without that it would be 4 % too long, 20 standard errors
     assert found.dead_time.recovery.dead_s == pytest.approx(1e-6, abs=5 * found.dead_time.error_s)
     assert found.dead_time.error_s < 0.004 * 1e-6
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("kind", ["nonparalyzable", "paralyzable"])
-def test_efficiency_next_to_dead_time_and_afterpulses(kind):
-    traps = {"mean_carriers": 0.04, "delay_s": 2e-6}
-    sensor = camera(1, dead_time_s=1e-6, kind=kind, afterpulsing=traps)
-    found = calibrate_counts(levels_of(sensor, **DIM))
-    assert found.dead_time.recovery.kind == kind and found.dead_time.is_kind_clear
-    # without the afterpulses it is a fifth too long, of the other kind
-    assert found.dead_time.recovery.dead_s == pytest.approx(1e-6, abs=5 * found.dead_time.error_s)
-    assert found.dead_time.error_s < 0.02 * 1e-6
-    # 576 pixels of which 95 % are covered or more: 5 binomial errors
-    assert (
-        covered(primary(found.efficiency, found.kernel), sensitivity(1))
-        > 0.95 - 5 * (0.95 * 0.05 / 576) ** 0.5
-    )
 
 
 @pytest.mark.slow

@@ -65,18 +65,22 @@ def test_pairs_of_rows_are_recognized():
     assert np.allclose(by_row, neighborhoods(made)[:, 0], atol=1e-3)
 
 
-@pytest.mark.parametrize("probability", [0.0, 0.1])
-def test_crosstalk_kernel(probability):
+@pytest.mark.parametrize(("probability", "carriers"), [(0.0, 0.0), (0.1, 0.0), (0.0, 0.1)])
+def test_crosstalk_and_afterpulses_of_dark_counts(probability, carriers):
     rng = np.random.default_rng(3)
-    primaries = rng.poisson(20.0, (1500, 16, 16))
     effect = Crosstalk(mean_fired_neighbors=probability)
-    counts = np.array([crosstalk.spread(rng, frame, effect) for frame in primaries])
+    generation = rng.poisson(10.0, (1500, 16, 16))
+    counts = np.zeros_like(generation)
+    while generation.any():
+        counts += np.array([crosstalk.spread(rng, frame, effect) for frame in generation])
+        generation = rng.poisson(carriers * generation)
     kernel = neighbor_kernel(statistics(counts), np.ones((16, 16), bool))
     # orthogonal shares a quarter each; edges see less, which is below the error; 5 standard errors
     truth = np.array([probability / 4] * 2 + [0.0] * 4)[:, None, None]
     assert np.all(np.abs(kernel.share - truth) < 5 * kernel.error + 0.03 * probability / 4)
     assert kernel.is_seen == (probability > 0)
-    assert abs(kernel.afterpulses) < 5 * kernel.afterpulses_error + 0.002
+    assert abs(kernel.afterpulses - carriers) < 5 * kernel.afterpulses_error + 0.002
+    assert kernel.are_afterpulses_seen == (carriers > 0)
 
 
 def fired_by(kernel, means, frames):
@@ -126,6 +130,21 @@ def test_pairs_of_rows_are_seen_by_coincidences_of_lognormal_dark_counts():
 PAIRS = Crosstalk(
     mean_fired_neighbors=0.05, diagonal=0.3, distance_two=0.05, distance_three=0.01
 )  # fmt: skip
+
+
+def test_crosstalk_of_bits_is_that_of_the_events_that_make_them():
+    rng, share = np.random.default_rng(4), np.array([0.01, 0.01, 0, 0, 0, 0])
+    events = rng.poisson(0.4 * rng.lognormal(0, 0.6, (40, 40)), (2000, 40, 40))
+    bits = events > 0
+    bits[:, 1:] |= rng.binomial(events[:, :-1], 0.01) > 0
+    bits[:, :-1] |= rng.binomial(events[:, 1:], 0.01) > 0
+    bits[:, :, 1:] |= rng.binomial(events[:, :, :-1], 0.01) > 0
+    bits[:, :, :-1] |= rng.binomial(events[:, :, 1:], 0.01) > 0
+    kernel = neighbor_kernel(statistics(bits), np.ones((40, 40), np.bool_), is_binary=True)
+    # 24 parities of offsets, 5.5 σ: 1e-6
+    assert np.all(np.abs(kernel.share - share[:, None, None]) < 5.5 * kernel.error)
+    assert kernel.is_seen and not kernel.are_afterpulses_seen
+    assert kernel.error[:2].max() < 1.5e-3
 
 
 def test_pairs_return_the_crosstalk_that_made_them():
