@@ -20,7 +20,8 @@ from megalopta.sensor.compare.two_sample import Difference
 
 Levels = Sequence[Level]
 
-_LARGEST_Z = 6.0
+_LARGEST_Z, _MOST = 6.0, 3.0
+"""Largest standard errors, and relative differences, that charts show"""
 _GUIDE = (
     "Captured over simulated, less one, with 95 % CI. Gray: too small to matter. A parameter near "
     "zero is compared with a typical size, which the table names."
@@ -96,10 +97,10 @@ def levels_page(name: str, compared: Compared) -> Page:
         "one-sided tests at 95 %).",
         *(comparison.differences, comparison.significant, comparison.margin),
     )
-    found = "; ".join(map(str, comparison.faults)) or "none"
+    names = "; ".join(map(str, comparison.faults)) or "none"
     faults = Section(
         "Faults of the recording",
-        f"Found: {found}. The image is {order.name}: rank correlation of the two patterns "
+        f"Found: {names}. The image is {order.name}: rank correlation of the two patterns "
         f"{order.correlation:.3f}. Faults are found before any parameter is fitted, and taken out.",
     )
     lights = [
@@ -113,8 +114,8 @@ def levels_page(name: str, compared: Compared) -> Page:
 
 def _left(compared: Compared) -> Section:
     """Return what nothing explains: the largest statistics, and a picture of the first."""
-    left = sorted(compared.comparison.left, key=lambda one: -one.z)[:8]
-    rows = [(one.name, str(one.level), f"{one.z:.0f}") for one in left]
+    left = sorted(compared.comparison.left, key=lambda statistic: -statistic.z)[:8]
+    rows = [(largest.name, str(largest.level), f"{largest.z:.0f}") for largest in left]
     lights = [(level.light_hz, level.exposure_s) for level in compared.captured]
     at = lights.index((left[0].level.light_hz, left[0].level.exposure_s))
     captured, simulated = compared.captured[at], compared.simulated[at]
@@ -202,10 +203,12 @@ def _differences(
     for change in differences:
         verdicts = {"differs": change in significant, "equivalent": change.is_equivalent}
         is_time, sizes = change.unit == "s", (change.captured, change.expected)
+        is_shown = change.high - change.low < 20
+        amount = f"{'+' * (change.relative > 0)}{change.relative_text}{change.base}"
         cells = (
             change.name if is_time else f"{change.name} ({change.unit})",
             " and ".join(word for word, holds in verdicts.items() if holds) or "inconclusive",
-            f"{'+' * (change.relative > 0)}{change.relative_text}{change.base}",
+            amount if is_shown else "these recordings do not show it",
             *(with_error(size, 0, "s") if is_time else number(size) for size in sizes),
             "< 0.001" if change.p < 1e-3 else f"{change.p:.2g}",
         )
@@ -226,14 +229,14 @@ def _difference_chart(
     axes.axvline(0, color=BLACK, linewidth=0.5)
     for place, change in enumerate(differences):
         color = VERMILION if change in significant else BLUE
-        half = 50 * (change.high - change.low)
-        axes.errorbar(
-            100 * change.relative, place, xerr=half, fmt="o", color=color, capsize=3, markersize=4
-        )
+        size, *ends = np.clip([change.relative, change.low, change.high], -_MOST, _MOST) * 100
+        axes.plot(ends, (place, place), color=color, linewidth=1.5)
+        axes.plot(size, place, marker="o", color=color, markersize=4)
     axes.set_yticks(range(len(differences)), [change.name for change in differences])
     axes.set(ylim=(len(differences) - 0.5, -0.5), xlabel="captured more than simulated (%)")
     axes.set_xscale("symlog", linthresh=100 * margin, linscale=2)
-    axes.xaxis.set_major_locator(FixedLocator((-100, -20, -5, -2, 0, 2, 5, 20, 100)))
+    axes.set_xlim(-100 * _MOST, 100 * _MOST)
+    axes.xaxis.set_major_locator(FixedLocator((-100, -20, -5, 0, 5, 20, 100)))
     axes.xaxis.set_major_formatter(style.NUMBERS)
     return style.to_svg(figure, f"differences-{title.split()[-1]}", f"Differences of {title}")
 
@@ -279,7 +282,9 @@ def _transfer_chart(captured: Levels, simulated: Levels) -> Markup:
             shown = _thinned(level.readings.reshape(len(level.readings), -1).T)
             look = line | {"label": "" if place else line["label"]}
             axes.plot(shown.mean(axis=1), shown.var(axis=1), markersize=2.5, linewidth=0, **look)
-    axes.set(xlabel="mean counts", ylabel="variance (counts²)", xscale="symlog", yscale="symlog")
+    axes.set(xlabel="mean counts", ylabel="variance (counts²)")
+    if max(level.readings.max() for level in captured) > 1:
+        axes.set(xscale="symlog", yscale="symlog")
     return style.with_legend(
         figure, "transfer", "Photon transfer: variance over mean", markerscale=2
     )

@@ -21,7 +21,7 @@ _CHOOSE = "choose another port (see megalopta spadcam list)"
 _PLUG_IN = f"plug the camera in, start an emulated one (megalopta spadcam emulate), or {_CHOOSE}"
 _BUSY = (
     "another program has it open; close it. To keep ModemManager away: sudo systemctl stop "
-    "ModemManager, or the udev rule in docs/spadcam-protocol.md"
+    "ModemManager, or the udev rule in docs/reference/spadcam-protocol.md"
 )
 _REMEDIES = {
     errno.ENOENT: f"no such port; {_PLUG_IN}",

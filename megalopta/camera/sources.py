@@ -168,14 +168,14 @@ def recordings_in(folder: Path) -> list[Path]:
     parts = [path for path in entries if path.suffix.lower() in _PARTS]
     series = {(re.sub("[0-9]+", "", path.stem), *conditions_in(path.stem, True)) for path in parts}
     folders = [path for path in entries if path.is_dir()]
-    found = [path for path in folders if is_recording(path) or parts_in(path, *_PARTS)]
-    found += [path for path in entries if path.suffix.lower() in _STACKS]
-    if found or (len(series) > 1 and {text for text, *_ in series} != {"top", "btm"}):
-        found += [path for path in parts if path.suffix.lower() != ".png"]
-        if not found:
+    recordings = [path for path in folders if is_recording(path) or parts_in(path, *_PARTS)]
+    recordings += [path for path in entries if path.suffix.lower() in _STACKS]
+    if recordings or (len(series) > 1 and {text for text, *_ in series} != {"top", "btm"}):
+        recordings += [path for path in parts if path.suffix.lower() != ".png"]
+        if not recordings:
             names = f"{parts[0].name}, {parts[-1].name}"
             raise ValueError(f"pictures of several recordings, {names}; put each into a folder")
-    return sorted(found, key=natural_key)
+    return sorted(recordings, key=natural_key)
 
 
 def _read_yaml(model: type[Record], path: Path) -> Any:
@@ -218,9 +218,9 @@ def look_at(source: Source) -> tuple[Source, RecordedFrames, str]:
     for (place, stated), quantity in product(statements.items(), ("exposure_s", "light")):
         if quantity in stated:
             origin = origins.setdefault(quantity, place)
-            other, value = stated[quantity], statements[origin][quantity]
-            if not math.isclose(other, value, rel_tol=0.01):
-                contradiction = f"{quantity} {other:g} ({place}) contradicts {value:g} ({origin})"
+            former, value = stated[quantity], statements[origin][quantity]
+            if not math.isclose(former, value, rel_tol=0.01):
+                contradiction = f"{quantity} {former:g} ({place}) contradicts {value:g} ({origin})"
                 say(f"{path}: {contradiction}, which is taken")
     taken = {quantity: statements[origin][quantity] for quantity, origin in origins.items()}
     exposure_s, light = taken.get("exposure_s"), taken.get("light")

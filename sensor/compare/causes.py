@@ -28,7 +28,7 @@ from scipy.stats import chi2, f, norm
 
 from megalopta.core.arrays import Floats, Ints, Mask
 from megalopta.sensor.calibrate.level import Level, inverses
-from megalopta.sensor.change import changed
+from megalopta.sensor.change import changed as changed_device
 from megalopta.sensor.compare.left import left_of_all, strength
 from megalopta.sensor.compare.residual import Residual
 from megalopta.sensor.compare.two_sample import BLOCKS, Difference
@@ -41,8 +41,8 @@ FALSE_ALARMS = 2e-3
 """Chance of a χ² above which no difference is seen."""
 MODEL_ERROR = 0.04
 """Relative error of a predicted change."""
-_AS_GOOD = 9.0
-"""Difference of χ² up to which two explanations are equally good."""
+_EQUAL, _AS_GOOD = 2.0, 9.0
+"""Differences of χ² of explanations that are equals, and of those that are nearly as good"""
 _ERRORS = {"M": 2e-3, "V": 5e-3, "K": 1e-2, "C": 1e-3}
 """Errors of features that are forgiven to the model: relative, of C to the mean."""
 _95, _90 = 1.959964, 1.644854
@@ -232,14 +232,17 @@ def find_causes(
             # each is needed
             fits = [one for one in fits if (np.abs(one.sizes) > 4 * one.errors).all()]
             for one in sorted(fits, key=lambda one: one.chi_square)[:_SIMULATED]:
-                after = strength(left_of_all([_changed(half, one) for half in others]))
+                after = strength(left_of_all([changed(half, one) for half in others]))
                 # two causes explain much by chance
                 if after < (_LEFT if many == 1 else 1e-9) * before:
                     supported.append((after + 0.1 * one.chi_square, after, one))
             if supported:
                 break
-        supported.sort(key=lambda one: one[0])
-    accepted = [one for score, _, one in supported if score < 1.5 * supported[0][0] + _AS_GOOD]
+        best_score = min((score for score, *_ in supported), default=0.0)
+    usual = [cause.name for cause in search.causes]
+    # of equals the most usual, which is the first of the list
+    supported.sort(key=lambda one: (max(one[0], best_score + _EQUAL), usual.index(one[2].names[0])))
+    accepted = [one for score, _, one in supported if score < 1.5 * best_score + _AS_GOOD]
     best = accepted[0].names if accepted else ()
     chosen = tuple(cause for cause in search.causes if cause.name in best)
     alone = []
@@ -267,8 +270,8 @@ def _halves(level: Residual) -> tuple[Residual, Residual]:
     return replace(level, captured=first), replace(level, captured=second)
 
 
-def _changed(level: Residual, explanation: Explanation) -> Residual:
-    """Level whose expected frames are those of a changed device."""
+def changed(level: Residual, explanation: Explanation) -> Residual:
+    """Return a level whose expected frames are those of a changed device."""
     moved = replace(level, uncertainty=dict(level.uncertainty), readout=list(level.readout))
     moved.quiet = {*level.quiet, "bit"}
     sizes = explanation.sizes.tolist()
@@ -401,7 +404,7 @@ class _Search:
 def _coincidences(neighbors: float, level: Residual) -> float:
     """Covariance with the right and lower neighbor over the variance, by crosstalk."""
     good, parts = level.good, level.parts
-    crosstalk = changed(level.model.sensor.crosstalk, mean_fired_neighbors=0.1)
+    crosstalk = changed_device(level.model.sensor.crosstalk, mean_fired_neighbors=0.1)
     weights = neighborhoods(crosstalk).mean(axis=(0, 1))
     # each of four nearest neighbors gets a share; both directions of a pair covary
     row, column = (side // 2 for side in weights.shape)

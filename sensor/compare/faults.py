@@ -67,6 +67,7 @@ class Bits(NamedTuple):
         """Find them in the readings (n, rows, columns) of all levels."""
         top = max(int(readings.max(initial=0)) for readings in (*captured, *expected))
         ones, zeros = np.zeros((2, *captured[0].shape[1:]), np.int64)
+        in_range = np.zeros(ones.shape, np.bool_)
         for bit in range(top.bit_length()):
             shares = [
                 [((readings >> bit) & 1).mean(axis=0) for readings in levels]
@@ -79,13 +80,23 @@ class Bits(NamedTuple):
                     number = len(usual) * (share if value else 1 - share)
                     log += len(seen) * np.log((number + 0.5) / (len(usual) + 1))
                 # otherwise both values of the bit are expected
-                stuck |= np.where(always & (log < _SURE), 1 << bit, 0)
-        # otherwise the readings are others, not their bits
-        seen, usual, after = (
-            np.array([readings.mean(axis=0) for readings in levels])
-            for levels in (captured, expected, [cls(ones, zeros).put(part) for part in expected])
-        )
-        is_better = np.abs(seen - after).sum(axis=0) < 0.3 * np.abs(seen - usual).sum(axis=0)
+                never_changes = always & (log < _SURE)
+                stuck[never_changes] |= 1 << bit
+                if never_changes.any():
+                    higher = [np.ptp(readings >> bit + 1, axis=0) > 0 for readings in captured]
+                    in_range |= never_changes & np.logical_or.reduce(higher)
+        # if no higher bit changes, the readings may be others, not their bits
+        after = [cls(ones, zeros).put(readings) for readings in expected]
+        levels = captured, expected, after
+        seen, usual, put = (np.array([part.mean(axis=0) for part in side]) for side in levels)
+        is_better = np.abs(seen - put).sum(axis=0) < 0.3 * np.abs(seen - usual).sum(axis=0)
+        is_better |= in_range
+        pixels = is_better & ((ones | zeros) > 0)
+        if pixels.any():
+            for of_level in zip(*levels, strict=True):
+                seen, usual, put = (readings[:, pixels].ravel() for readings in of_level)
+                is_chance = 3 / np.sqrt(min(seen.size, usual.size))
+                is_better &= _distance(seen, put) < max(0.3 * _distance(seen, usual), is_chance)
         return cls(np.where(is_better, ones, 0), np.where(is_better, zeros, 0))
 
     def put(self, readings: NDArray[Any]) -> NDArray[Any]:
@@ -103,7 +114,8 @@ class Bits(NamedTuple):
                 where = pixels_of(stuck)
                 for name, axis in (("column", 0), ("row", 1)):
                     lines = np.flatnonzero(stuck.mean(axis=axis) > 0.7)
-                    where = f"{name} {listed(lines)}" if lines.size else where
+                    plural = name + "s" * (lines.size > 1)
+                    where = f"{plural} {listed(lines)}" if lines.size else where
                 where = "all pixels" if stuck[good].mean() > 0.9 else where
                 found.append(Fault("stuck bit", f"bit {bit} of {where} is stuck at {value}"))
         return found

@@ -37,7 +37,7 @@ _NOISE_Z = 6.0
 _SMALLEST_SHARE = 5e-4
 """Share of the variance of a pixel below which common noise is negligible."""
 _LAGS = 6
-FIRST = "the first frame is off as a whole"
+FIRST = "the first frames are off as a whole"
 _SURE = -35.0
 """Logarithm of the chance that a part of a frame is as it is."""
 
@@ -84,9 +84,12 @@ def check_parts(level: Residual) -> None:
         for down, right in tiles:
             tall, wide = rows // down * down, columns // right * right
             whole = n, tall // down, down, wide // right, right
-            is_whole = equal[:, :tall, :wide].reshape(whole).all(axis=(2, 4))
-            is_whole &= log[:tall, :wide].reshape(whole[1:]).sum(axis=(1, 3)) < _SURE
-            lost[:, :tall, :wide] |= is_whole.repeat(down, axis=1).repeat(right, axis=2)
+            share = equal[:, :tall, :wide].reshape(whole).mean(axis=(2, 4))
+            is_no_chance = log[:tall, :wide].reshape(whole[1:]).sum(axis=(1, 3)) < _SURE
+            is_whole = (share == 1) & is_no_chance
+            # parts that noise makes dark, or bright, are seldom so to the last pixel
+            if is_whole.sum() > ((share >= 0.8) & (share < 1) & is_no_chance).sum():
+                lost[:, :tall, :wide] |= is_whole.repeat(down, axis=1).repeat(right, axis=2)
     # a frame of which nearly nothing is left is odd as a whole
     lost &= (lost.mean(axis=(1, 2)) < 0.9)[:, None, None]
     places = np.asarray(lost.any(axis=(1, 2)))
@@ -135,7 +138,7 @@ def check_odd_frames(level: Residual) -> None:
     lines = excess.sum(axis=0), excess.sum(axis=1)
     if any(np.median(line) <= 0.1 * line.max() for line in lines):
         level.note("none", "parts of some frames are off")
-    elif off.sum() == 1 and off[0]:
+    elif off[0] and not off[_LAGS:].any():
         level.note("odd frames", FIRST)
     else:
         steps = np.diff(level.numbers[off])
@@ -267,7 +270,8 @@ def _course(level: Residual) -> _Course:
         solution = np.linalg.lstsq(design[::2], series[::2], rcond=None)[0]
         before = np.square(series[1::2] - series[::2].mean()).sum()
         gain = float(before - np.square(series[1::2] - design[1::2] @ solution).sum()) / noise
-        if kind and gain > best.gain:
+        # waves are many enough to fit a step
+        if kind and gain > best.gain * (0.85 if kind == "step of" else 1.0):
             fitted = design @ np.linalg.lstsq(design, series, rcond=None)[0]
             best = _Course(kind, (fitted - fitted.mean()) / (np.ptp(fitted) or 1.0), gain)
         elif not kind and gain > 1.3 * best.gain:
@@ -293,9 +297,10 @@ def check_changes(levels: Sequence[Residual]) -> None:
         slope = np.tensordot(values.astype(np.float32), signal, 1)[level.good] / power
         slopes.append(np.asarray(slope, np.float64))
         errors.append(np.asarray(np.sqrt(variance / power), np.float64))
-    quantity = _quantity(levels, slopes, errors)
+    quantity = _quantity(levels, courses, slopes, errors)
     name = _QUANTITIES.get(quantity, "readings")
-    verb = "drifts" if clearest.kind == "drift of" else "changes at once"
+    verb, at_once = ("drift", "") if clearest.kind == "drift of" else ("change", " at once")
+    verb += at_once if name in ("readings", "dark counts") else f"s{at_once}"
     for level, course, slope, error in zip(levels, courses, slopes, errors, strict=True):
         if course.gain <= _REAL_GAIN:
             continue
@@ -327,25 +332,33 @@ def remove_gain(level: Residual, excess: NDArray[Any]) -> None:
 
 
 def _quantity(
-    levels: Sequence[Residual], slopes: Sequence[Floats], errors: Sequence[Floats]
+    levels: Sequence[Residual],
+    courses: Sequence[_Course],
+    slopes: Sequence[Floats],
+    errors: Sequence[Floats],
 ) -> str:
     """Return what changes by one amount in the good pixels (P,) of all levels, or "".
 
     Slopes and their errors are counts. The best quantity leaves chance, or a tenth of χ², and is
-    clearly better than the next.
+    clearly better than the next. Levels in which it would be seen are those that change.
     """
     sigma = np.concatenate(errors)
     z = np.concatenate(slopes) / sigma
     # one hot or odd pixel proves nothing
     before, left = np.minimum(z**2, 50.0).sum(), {}
+    sizes = {}
     for quantity in _QUANTITIES:
         reach = np.concatenate([level.parts[quantity][level.good] for level in levels]) / sigma
         size = float(reach @ z) / max(float(reach @ reach), 1e-12)
         left[quantity] = float(np.minimum((z - size * reach) ** 2, 50.0).sum())
+        sizes[quantity] = size
     best, second = sorted(left, key=lambda quantity: left[quantity])[:2]
     chance = z.size + 6 * (2 * z.size) ** 0.5
     is_refuted = left[best] > chance + 0.1 * (before - left[best])
     is_clear = left[second] - left[best] > _CLEARLY_BETTER and best != "light leak"
+    for level, course, error in zip(levels, courses, errors, strict=True):
+        gain = np.square(sizes[best] * level.parts[best][level.good] / error).sum()
+        is_refuted |= bool(course.gain <= _REAL_GAIN and gain > 3 * _REAL_GAIN)
     return best if is_clear and not is_refuted else ""
 
 
@@ -462,7 +475,9 @@ def _strongest(standardized: Standardized, places: Ints) -> tuple[float, bool] |
     rows = np.zeros((n, int(used.sum())), standardized.z.dtype)
     rows[places] = standardized.z.sum(axis=2)[:, used] / np.sqrt(per_row[used])
     weight = np.sqrt(per_row[used] / per_row.sum())
-    spectra = np.fft.rfft(rows, axis=0)[_LOWEST_LINE : (n + 1) // 2]
+    spectra = np.fft.rfft(rows, axis=0)[: (n + 1) // 2]
+    slow = float(np.square(np.abs(spectra[1:_LOWEST_LINE])).sum(axis=1).max(initial=0.0))
+    spectra = spectra[_LOWEST_LINE:]
     common = spectra @ weight
     of_rows = np.square(np.abs(spectra - common[:, None] * weight)).sum(axis=1)
     power = np.array([np.square(np.abs(common)), of_rows]) / n
@@ -473,6 +488,9 @@ def _strongest(standardized: Standardized, places: Ints) -> tuple[float, bool] |
         return None
     if (chance.min(axis=0) == 0).sum() > 1:
         at = int(np.argmax(power.sum(axis=0)))
+    # the spectrum of a slow change falls with the frequency
+    if slow > n * power[:, at].sum():
+        return None
     is_banding = bool(chance[1, at] < _CHANCE and power[1, at] > 0.2 * power[0, at])
     series = rows if is_banding else (rows @ weight)[:, None]
     cycles, width = float(at + _LOWEST_LINE), 1.0

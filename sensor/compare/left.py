@@ -188,7 +188,11 @@ def left_of(level: Residual, quiet: Sequence[str] = ()) -> list[Left]:
         forgiven = _FORGIVEN.get(kind, 0.0) * (signal if kind == "mean" else 1.0)
         if kind in ("skewness", "tails"):
             forgiven = 0.03 * abs(float(second.mean()))
-        forgiven = float(np.hypot(forgiven, level.doubts(kind)))
+        # more light changes what is correlated, and not by which share
+        doubts = level.doubts(kind)
+        if kind in ("lag", "neighbors"):
+            doubts = min(doubts, 0.05) * abs(float(second.mean()))
+        forgiven = float(np.hypot(forgiven, doubts))
         counted = (first.var(ddof=1) + second.var(ddof=1)) / BLOCKS
         error = float(np.sqrt(counted + forgiven**2))
         if error <= 0:

@@ -219,7 +219,9 @@ def _places(mask: Mask, shape: tuple[int, int]) -> tuple[Ints, ...]:
     return np.unravel_index(flat[:: flat.size // _MOST_FITTED | 1], shape)
 
 
-def check_patterns(levels: Sequence[Residual]) -> tuple[list[Fault], float]:
+def check_patterns(
+    levels: Sequence[Residual], least_gain: float = 0.0
+) -> tuple[list[Fault], float]:
     """Name the parts of the array that differ, and take them out; return the gain of χ², too."""
     if not any(level.good.sum() > 50 for level in levels):
         return [], 0.0
@@ -237,7 +239,9 @@ def check_patterns(levels: Sequence[Residual]) -> tuple[list[Fault], float]:
         simple = max(fits, key=lambda fit: fit.gain * (fit.part != "surface"))
         best = simple if simple.gain > 0.85 * best.gain - 10 else best
         size = float(np.ptp(np.append(best.surface, 0.0)))
-        if best.gain < _LEAST_GAIN or size < (0.02 if best.quantity == "offset" else 0.005):
+        if best.gain < max(_LEAST_GAIN, least_gain) or size < (
+            0.02 if best.quantity == "offset" else 0.005
+        ):
             break
         if accepted and best.gain < _MINOR * accepted[0].gain:
             break

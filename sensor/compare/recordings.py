@@ -16,7 +16,7 @@ from megalopta.sensor.calibrate.level import Level
 from megalopta.sensor.calibrate.pixels import correlation
 from megalopta.sensor.calibrate.statistics import statistics
 from megalopta.sensor.compare import faults as readout, in_time, pattern, two_sample
-from megalopta.sensor.compare.causes import Causes, find_causes
+from megalopta.sensor.compare.causes import Causes, changed, find_causes
 from megalopta.sensor.compare.faults import Fault
 from megalopta.sensor.compare.left import Left, Whole, left_of_all, strength, unsteady
 from megalopta.sensor.compare.model import Model, one_by_one
@@ -27,9 +27,11 @@ FALSE_ALARMS = 0.01
 MARGIN = 0.05
 """Negligible relative difference."""
 _FAMILIES = 5
-SOFT = ("odd block", "uneven light", "light leak")
+SOFT = ("odd block", "uneven light", "light leak", "hot pixel", "deviating pixel")
 """Faults that are none if much is left that nothing explains"""
 _FEWEST_FRAMES = 3 * two_sample.BLOCKS
+_LEAST_SHARE = 0.05
+"""Share of what differed, below which parts of the array beside a cause may be what it leaves"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -191,33 +193,9 @@ def compare_recordings(
         )
     ]
     order, faults = _faults_of_readout(levels)
-    causes, left = Causes(), []
+    causes, left = Causes(), list[Left]()
     if not is_scene:
-        # pixels of lines that are copies for a while change, and are no traps
-        is_copied = any(fault.kind.startswith("copied") for fault in faults)
-        of_time = _faults_in_time(levels)
-        faults += [f for f in of_time if not (is_copied and f.kind == "telegraph noise")]
-        left = [one for level in levels for one in unsteady(level)]
-        if not faults:
-            for level, all_ in zip(captured, whole, strict=True):
-                left += all_.unsteady(level) if all_ else []
-        # of frames that depend on those before, or change, nothing is tested that assumes otherwise
-        kinds = {fault.kind for fault in faults}
-        if "lag" in kinds or "none" in kinds or left:
-            left = [] if "lag" in kinds else left
-            causes = Causes(is_unexplained=bool(left) or "none" in kinds)
-        else:
-            in_space, gain = _faults_in_space(levels)
-            left = left_of_all(levels)
-            faults += in_space
-            is_left = bool(left) or "none" in {fault.kind for fault in in_space}
-            errors_ = _calibration_errors(levels)
-            causes = find_causes(levels, margin=margin, calibration=errors_, is_left=is_left)
-            is_much = strength(left) > max(0.05 * gain, 100.0) or causes.is_different
-            is_much |= "none" in {fault.kind for fault in in_space}
-            if causes.is_unexplained and is_much:
-                faults = [fault for fault in faults if fault.kind not in SOFT]
-            left = [] if causes.accepted else left
+        levels, faults, causes, left = _explained(levels, whole, faults, margin)
     is_tested = causes.p_forgiven < 1 or is_scene
     # what was taken out of some frames is still in all of them
     samples = [
@@ -229,6 +207,39 @@ def compare_recordings(
     tests = _pixel_tests(levels, samples, is_tested)
     faults = [fault for fault in faults if fault.kind != "none"]
     return Comparison(order, tuple(faults), causes, causes.alone, tests, margin, tuple(left))
+
+
+def _explained(
+    levels: list[Residual], whole: Sequence[Whole | None], faults: list[Fault], margin: float
+) -> tuple[list[Residual], list[Fault], Causes, list[Left]]:
+    """Find faults in time, then parameters and parts of the array; return what is left, too."""
+    changes = _faults_in_time(levels)
+    left = [statistic for level in levels for statistic in unsteady(level)]
+    # pixels of lines that are copies for a while, or that flicker with others, are no traps
+    is_shared = any(fault.kind.startswith("copied") for fault in faults)
+    is_shared |= "time of pixels, a line" in {statistic.name for statistic in left}
+    faults = faults + [f for f in changes if not (is_shared and f.kind == "telegraph noise")]
+    for level, all_frames in zip(levels, whole, strict=True) if not faults else ():
+        left += all_frames.unsteady(level.captured) if all_frames else []
+    # of frames that depend on those before, or change, nothing is tested that assumes otherwise
+    kinds = {fault.kind for fault in faults}
+    if "lag" in kinds or "none" in kinds or left:
+        left = [] if "lag" in kinds else left
+        return levels, faults, Causes(is_unexplained=bool(left) or "none" in kinds), left
+    causes, least_gain = _causes_of(levels, margin), 0.0
+    if causes.accepted:
+        least_gain = _LEAST_SHARE * strength(left_of_all(levels))
+        levels = [changed(level, causes.accepted[0]) for level in levels]
+    in_space, gain = _faults_in_space(levels, least_gain)
+    left = left_of_all(levels)
+    is_none = "none" in {fault.kind for fault in in_space}
+    if not causes.accepted and (in_space or left):
+        causes = _causes_of(levels, margin, bool(left) or is_none)
+    is_much = is_none or causes.is_different or strength(left) > max(0.05 * gain, 100.0)
+    faults = faults + in_space
+    if causes.is_unexplained and is_much:
+        faults = [fault for fault in faults if fault.kind not in SOFT]
+    return levels, faults, causes, [] if causes.accepted else left
 
 
 def _faults_of_readout(levels: Sequence[Residual]) -> tuple[readout.Arrangement, list[Fault]]:
@@ -253,10 +264,10 @@ def _faults_of_readout(levels: Sequence[Residual]) -> tuple[readout.Arrangement,
         levels, key=lambda level: float(level.expected.readings.sum()) * level.expected.is_dark
     )
     order = readout.arrangement(
-        *(frames.readings.mean(axis=0) for frames in (clearest.captured, clearest.expected))
+        *(frames.recorded.mean(axis=0) for frames in (clearest.captured, clearest.expected))
     )
     for level in levels if order.is_other and not copied else ():
-        level.captured = level.captured.mapped(order.undone)
+        level.reorder(order.undone)
     if order.is_other:
         _mask(levels, np.asarray(order.undone(unresponsive_pixels[None])[0]))
     of_readings = _check_readings(levels)
@@ -281,9 +292,15 @@ def _faults_in_time(levels: Sequence[Residual]) -> list[Fault]:
     return faults + _check_telegraph(levels)
 
 
-def _faults_in_space(levels: Sequence[Residual]) -> tuple[list[Fault], float]:
+def _causes_of(levels: Sequence[Residual], margin: float, is_left: bool = False) -> Causes:
+    """Parameters that explain how levels differ, with the errors of their calibration."""
+    errors = _calibration_errors(levels)
+    return find_causes(levels, margin=margin, calibration=errors, is_left=is_left)
+
+
+def _faults_in_space(levels: Sequence[Residual], least_gain: float) -> tuple[list[Fault], float]:
     """Faults of parts of the array and of pixels, which are taken out, and their gain of χ²."""
-    patterns, gain = pattern.check_patterns(levels)
+    patterns, gain = pattern.check_patterns(levels, least_gain)
     alone, of_pixels = pattern.odd_pixels(levels)
     _mask(levels, alone)
     return patterns + of_pixels, gain

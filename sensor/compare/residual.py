@@ -168,6 +168,14 @@ class Residual:
         self.quiet.add("bit")
         self.captured = self.captured.moved(lambda counts: counts - change)
 
+    def reorder(self, undone: Callable[[NDArray[Any]], NDArray[Any]]) -> None:
+        """Put captured pixels in another order; codes are those of the steps at their new place."""
+        frames = self.captured
+        if frames.codes is None:
+            self.captured = frames.mapped(undone)
+            return
+        self.captured = self._of_codes(undone(frames.codes), frames)
+
     def keep(self, frames: Mask) -> None:
         """Keep some captured frames, (n,)."""
         self.captured = self.captured.at(frames)
@@ -190,10 +198,14 @@ class Residual:
         """Return the expected frames after a change of their readings, codes or counts."""
         known = self.expected
         if known.codes is None:
-            readings = known.readings
-            return replace(known, readings=np.asarray(spoil(readings), readings.dtype))
+            readings = np.rint(known.readings).astype(np.int64)
+            return replace(known, readings=np.asarray(spoil(readings), known.readings.dtype))
         codes = np.asarray(spoil(known.codes), known.codes.dtype)
-        conditions = known.exposure_s, known.light_hz, known.times_s
+        return self._of_codes(codes, known)
+
+    def _of_codes(self, codes: NDArray[Any], like: Level) -> Level:
+        """Counts of codes that were read under the conditions of a level."""
+        conditions = like.exposure_s, like.light_hz, like.times_s
         return level_of_codes(codes, self.model.sensor, *conditions)
 
     def doubts(self, kind: str) -> float:
