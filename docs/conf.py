@@ -23,6 +23,7 @@ extensions = [
 default_role = "py:obj"
 exclude_patterns = [
     "gallery",
+    "style.md",
     "example_device",
     "public_arrays",
     "extensions",
@@ -39,6 +40,7 @@ html_theme = "furo"
 html_static_path = ["style"]
 html_css_files = ["site.css"]
 html_js_files = [("site.js", {"defer": "defer"})]
+html_search_scorer = str(Path(__file__).parent / "style/scorer.js")
 html_show_sphinx = False
 html_show_copyright = False
 html_copy_source = False

@@ -16,7 +16,11 @@ if TYPE_CHECKING:
 
 FOLDER = "generated/reference"
 TOPICS: dict[str, dict[str, tuple[str, ...]]] = {
-    "megalopta": {"Datasets and photons": ("dataset.",), "Choosing a camera": ("benchmark.",)},
+    "megalopta": {
+        "Datasets and photons": ("dataset.", "core.errors"),
+        "Choosing a camera": ("benchmark.",),
+        "Recordings and films": ("camera.", "report."),
+    },
     "megalopta.scenes": {
         "Scenes": ("base", "build", "scene", "forest.", "meshes.", "moving_objects", "stimuli."),
         "Light and pictures": ("light", "tone_mapping"),
@@ -33,6 +37,7 @@ TOPICS: dict[str, dict[str, tuple[str, ...]]] = {
         "Sensors": ("image_sensors", "optics", "spad.", "frame.", "contrast."),
         "Effects of avalanches": ("effects.",),
         "CTIA arrays": ("ctia.",),
+        "Calibration": ("calibrate.",),
         "Files": ("formats.",),
     },
     "megalopta.flow": {

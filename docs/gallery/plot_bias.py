@@ -10,8 +10,7 @@ closed form. Both rise; their ratio is largest at the dashed bias, at any light.
 import matplotlib.pyplot as plt
 import numpy as np
 
-from megalopta.sensor import changed, detection_rate, expose, preset
-from megalopta.sensor.effects.bias import best_excess_bias
+from megalopta.sensor import best_excess_bias, changed, detection_rate, expose, preset
 
 LAW = {"reference_v": 1.0, "onset_v": 0.2, "efficiency_scale_v": 0.5, "dark_efold_v": 0.3}
 DARK = {"bulk_mean_hz_um2": 2.0, "bulk_sigma_hz_um2": 0.0, "hot_fraction": 0.0}

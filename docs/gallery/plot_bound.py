@@ -12,8 +12,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 from scipy.ndimage import gaussian_filter, shift
 
-from megalopta.flow import METHODS, cramer_rao_covariance, fisher_information
-from megalopta.flow.detectors.blocks import block_grid
+from megalopta.flow import METHODS, block_grid, cramer_rao_covariance, fisher_information
 
 rng = np.random.default_rng(0)
 texture = np.exp(8 * gaussian_filter(rng.standard_normal((120, 120)), 2, mode="wrap"))

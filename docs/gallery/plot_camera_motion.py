@@ -10,7 +10,7 @@ of five draws. Theory: :doc:`/theory/camera-motion`.
 import matplotlib.pyplot as plt
 import numpy as np
 
-from megalopta.flow.camera_motion import likely_camera_motion
+from megalopta.flow import likely_camera_motion
 from megalopta.scenes import EquirectangularCamera
 
 camera, turn_deg = EquirectangularCamera(width=72, height=36, fov_deg=360), 1.7

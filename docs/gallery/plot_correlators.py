@@ -10,8 +10,7 @@ speed. Theory: :doc:`/theory/correlators`.
 import matplotlib.pyplot as plt
 import numpy as np
 
-from megalopta.flow import METHODS
-from megalopta.flow.detectors.correlation import ndm_mean, nds_mean
+from megalopta.flow import METHODS, ndm_mean, nds_mean
 
 PHASE, CONTRAST = 0.3, 0.8
 t, x = np.arange(1200)[:, None], np.arange(40)[None, :]

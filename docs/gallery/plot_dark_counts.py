@@ -9,8 +9,7 @@ the histogram of all. Theory: :doc:`/theory/device`.
 import matplotlib.pyplot as plt
 import numpy as np
 
-from megalopta.sensor import changed, preset
-from megalopta.sensor.effects.dark_counts import dark_count_density
+from megalopta.sensor import changed, dark_count_density, preset
 
 sensor = changed(preset("spadcam"), device_seed=7)
 density_hz_um2 = dark_count_density(sensor.dark_counts, (128, 128), sensor.device_seed)

@@ -9,8 +9,8 @@ a paralyzable pixel counts less in brighter light. Theory: :doc:`/theory/dead-ti
 import matplotlib.pyplot as plt
 import numpy as np
 
-from megalopta.sensor import changed, expose_rate, preset
-from megalopta.sensor.effects.dead_time import DeadTime, moments
+from megalopta.sensor import DeadTime, changed, expose_rate, preset
+from megalopta.sensor.effects.dead_time import moments
 
 EXPOSURE_S, DEAD_TIME_S = 1e-4, 1e-6
 rates_hz = np.geomspace(1e4, 1e7, 13)

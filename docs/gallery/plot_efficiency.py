@@ -10,8 +10,7 @@ without dark counts. Theory: :doc:`/theory/light`.
 import matplotlib.pyplot as plt
 import numpy as np
 
-from megalopta.sensor import changed, expose_rate, preset
-from megalopta.sensor.optics import band_means
+from megalopta.sensor import band_means, changed, expose_rate, preset
 
 sensor = preset("spadcam")
 bands_nm = [(start, start + 100) for start in range(400, 900, 100)]

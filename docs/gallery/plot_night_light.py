@@ -10,7 +10,7 @@ sees. Theory: :doc:`/theory/outdoor-light`.
 import matplotlib.pyplot as plt
 import numpy as np
 
-from megalopta.scenes.levels import LEVELS
+from megalopta.scenes import LEVELS
 
 grid = np.arange(400, 1701)
 figure, axes = plt.subplots(1, 3, figsize=(11, 3.8), sharey=True, layout="constrained")

@@ -14,8 +14,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 from scipy.ndimage import gaussian_filter, zoom
 
-from megalopta.flow import METHODS, flow_to_rgb
-from megalopta.flow.stimuli.known_flow import Layer, MovingLayers
+from megalopta.flow import METHODS, Layer, MovingLayers, flow_to_rgb
 
 rng = np.random.default_rng(0)
 leaves = np.exp(6 * gaussian_filter(rng.standard_normal((2, 360, 360)), (0, 3, 3), mode="wrap"))

@@ -19,6 +19,7 @@ from megalopta import __version__
 from megalopta.core import files
 from megalopta.core.bounded import printable, undamaged
 from megalopta.core.errors import UserError
+from megalopta.core.files import atomic_write
 from megalopta.core.progress import progress
 from megalopta.core.quantities import number
 from megalopta.dataset.index import table_path
@@ -114,7 +115,9 @@ def write_card(root: Path) -> Path:
         small_px = _WIDTH_PX, height_px
         small = [picture.resize(small_px, Image.Resampling.NEAREST) for picture in pictures]
         columns.append([*(("", picture) for picture in small[:-1]), (name, small[-1])])
-    images.write_sheet(root / "card" / "sequences.png", list(zip(*columns, strict=True)))
+    strip = images.sheet(list(zip(*columns, strict=True))).quantize(256)
+    with atomic_write(root / "card" / "sequences.png") as temporary:
+        strip.save(temporary, "PNG", optimize=True)
     splits = Counter(row["split"] for row in sequences)
     kinds = (
         (f"{name}: {plain_text(value)}", str(count))

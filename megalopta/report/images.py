@@ -186,12 +186,6 @@ def sheet(rows: Sequence[Row], letters_px: int = 12, footer: str = "") -> Image.
     return drawn
 
 
-def write_sheet(path: Path, rows: Sequence[Row]) -> None:
-    """Write rows of pictures with titles, as one PNG of few colors."""
-    with atomic_write(path) as temporary:
-        sheet(rows).quantize(256).save(temporary, "PNG", optimize=True)
-
-
 _PANEL_PX, _IN_ONE_ROW = 480, 4
 _GIF_FRAMES, _FEWEST_GIF_FRAMES, _GIF_BYTES = 60, 8, 4_000_000
 _GIF_MS = (20, 600_000)
@@ -239,12 +233,12 @@ def write_film(
 
 def gif(images: Sequence[Image.Image], frame_ms: float) -> bytes:
     """Return a GIF that repeats."""
-    first, *others = [
+    first, *later_frames = [
         picture if picture.mode == "P" else picture.convert("RGB").quantize(256)
         for picture in images
     ]
     data, duration = io.BytesIO(), min(max(round(frame_ms), _GIF_MS[0]), _GIF_MS[1])
-    first.save(data, "GIF", save_all=True, append_images=others, duration=duration, loop=0)
+    first.save(data, "GIF", save_all=True, append_images=later_frames, duration=duration, loop=0)
     return data.getvalue()
 
 

@@ -109,8 +109,9 @@ def outcome(report: Report, best: FlowRecord | None) -> str:
     dimmest = min(map(illuminance_of, report.settings.light_levels))
     is_dimmest = illuminance_of(best.level) == dimmest
     below = "the dimmest light tried" if is_dimmest else "in dimmer light every method fails"
+    unit = {sensor.name: sensor.unit for sensor in report.settings.sensors}[best.sensor]
     return (
-        f"{in_words(best)} finds the {report.motion_name} in the {report.unit_of(best.sensor)} of "
+        f"{in_words(best)} finds the {report.motion_name} in the {unit} of "
         f"{pixels_of(best.sensor)} down to {where}; {below}."
     )
 

@@ -157,10 +157,10 @@ def sequence_view(root: Path, treatment: Treatment) -> View:
     step = math.ceil(max(sequence.shape) / LONGEST_SIDE_PX)
     burst = burst_frames(settings) if "burst_npy" in settings.products else 1
     # the last frame has no next frame, and so no motion; of bursts, binary frames are summed
-    whole = treatment if burst == 1 else replace(treatment, summed=1)
-    end = max(min(len(sequence) - 1, len(sequence) - whole.summed + 1), 1)
-    frames = range(0, end, whole.summed)
-    shown = SequencePanels(sequence, frames, step, whole)
+    of_rendered = treatment if burst == 1 else replace(treatment, summed=1)
+    end = max(min(len(sequence) - 1, len(sequence) - of_rendered.summed + 1), 1)
+    frames = range(0, end, of_rendered.summed)
+    shown = SequencePanels(sequence, frames, step, of_rendered)
     exposures = settings.exposures if "sense" in shown.finished else ()
     darkest_first = sorted(exposures, key=lambda exposure: illuminance_of(exposure[1]))
     panels = [shown.light, *(shown.readings(*exposure) for exposure in darkest_first)]

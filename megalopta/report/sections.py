@@ -88,8 +88,8 @@ def table(label: str, head: Sequence[str], rows: Iterable[Sequence[str]]) -> Mar
     cell, line = Markup("<td>{}</td>"), Markup("<tr>{}</tr>")
     top = Markup("").join((column if text else cell).format(text) for text in head)
     lines = Markup("\n").join(
-        line.format(Markup("").join([row_head.format(first), *map(cell.format, others)]))
-        for first, *others in rows
+        line.format(Markup("").join([row_head.format(first), *map(cell.format, cells)]))
+        for first, *cells in rows
     )
     return Markup(
         '<div class="scroll" role="region" aria-label="{}" tabindex="0"><table>\n'

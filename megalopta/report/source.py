@@ -98,10 +98,6 @@ class Report:
         """True if frames were rendered, so that their true motion is known."""
         return self.settings.scene.has_truth
 
-    def unit_of(self, sensor: str) -> str:
-        """Return what a sensor reads, by its name."""
-        return next(one.unit for one in self.settings.sensors if one.name == sensor)
-
     @property
     def motion_name(self) -> str:
         """Name of the reference motion."""
