@@ -1,5 +1,5 @@
 # Two commands do everything on a bare machine: `make demo` and `make test`. `make test-all` runs the
-# slow tests too, and the renderer's without LLVM; `make test-lowest` the readers' with the lowest versions.
+# slow tests too, and the renderer's without LLVM; `.ci/matrix` tries the wheel with the lowest and newest versions.
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
@@ -8,7 +8,7 @@ export PIP_DISABLE_PIP_VERSION_CHECK := 1
 # Tests start some fifty processes, each of which would compile the package anew without bytecode.
 export PYTHONDONTWRITEBYTECODE :=
 
-.PHONY: install demo test test-slow test-scalar test-lowest test-all lint types docs pictures bench clean
+.PHONY: install demo test test-slow test-scalar test-all lint types docs pictures bench clean
 
 install: $(VENV)/installed
 
@@ -33,16 +33,6 @@ test-slow: install
 
 test-scalar: install
 	DRJIT_LIBLLVM_PATH=/none $(PYTEST) tests/render
-
-# Readers and stages with the lowest versions that pyproject.toml allows, on the oldest Python.
-LOWEST := build/lowest
-test-lowest:
-	python3.11 -m venv --clear $(LOWEST)
-	$(LOWEST)/bin/python -m pip install --quiet uv
-	$(LOWEST)/bin/uv pip install --quiet --python $(LOWEST)/bin/python --resolution lowest-direct \
-		--editable '.[all]' 'pytest>=9.0' 'pytest-xdist>=3.8'
-	$(LOWEST)/bin/python -m pytest --numprocesses auto --dist loadfile -m 'not slow' tests/sensor/formats \
-		tests/megalopta/core/test_bounded.py tests/megalopta/stages tests/render/footage tests/scenes/meshes tests/flow/test_formats.py
 
 test-all: test test-slow test-scalar
 

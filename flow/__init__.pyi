@@ -25,6 +25,8 @@ from .detectors.correlation import (
     ElementaryMotionDetector as ElementaryMotionDetector,
     NonDirectionalMultiplication as NonDirectionalMultiplication,
     NonDirectionalSummation as NonDirectionalSummation,
+    ndm_mean as ndm_mean,
+    nds_mean as nds_mean,
 )
 from .detectors.gray_detector import DenseDetector as DenseDetector, detector_from as detector_from
 from .detectors.image_interpolation import ImageInterpolation as ImageInterpolation

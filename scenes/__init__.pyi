@@ -15,6 +15,7 @@ from .cameras.perspective import PerspectiveCamera as PerspectiveCamera
 from .forest.description import Forest as Forest
 from .forest.sway import Wind as Wind
 from .imu import Imu as Imu
+from .levels import LEVELS as LEVELS
 from .light import Light as Light
 from .meshes.description import Meshes as Meshes
 from .moving_objects import (

@@ -1,3 +1,18 @@
+from .calibrate.crosstalk import (
+    PairCrosstalk as PairCrosstalk,
+    crosstalk_of_hot_pixels as crosstalk_of_hot_pixels,
+    fit_crosstalk as fit_crosstalk,
+    kernel_of as kernel_of,
+)
+from .calibrate.emva import device_emva as device_emva
+from .calibrate.time_tags import (
+    Autocorrelation as Autocorrelation,
+    afterpulses_between as afterpulses_between,
+    autocorrelation_of as autocorrelation_of,
+    coincidences as coincidences,
+    fit_exponential as fit_exponential,
+    fit_table as fit_table,
+)
 from .change import changed as changed
 from .contrast.model import ContrastSensor as ContrastSensor
 from .ctia.bias import (
@@ -19,9 +34,17 @@ from .ctia.model import (
 from .ctia.photodiode import Photodiode as Photodiode
 from .effects.afterpulsing import Afterpulsing as Afterpulsing
 from .effects.base import Effect as Effect
-from .effects.bias import Bias as Bias, Temperature as Temperature
+from .effects.bias import (
+    Bias as Bias,
+    Temperature as Temperature,
+    best_excess_bias as best_excess_bias,
+)
 from .effects.crosstalk import Crosstalk as Crosstalk
-from .effects.dark_counts import DarkCounts as DarkCounts, Telegraph as Telegraph
+from .effects.dark_counts import (
+    DarkCounts as DarkCounts,
+    Telegraph as Telegraph,
+    dark_count_density as dark_count_density,
+)
 from .effects.dead_time import DeadTime as DeadTime
 from .effects.gating import Gate as Gate
 from .effects.timing import Jitter as Jitter, Tcspc as Tcspc
@@ -48,6 +71,7 @@ from .formats.events import (
     write_events_hdf5 as write_events_hdf5,
 )
 from .formats.reading import read_frames as read_frames
+from .formats.time_tags import read_time_tags as read_time_tags
 from .frame.model import FRAME_PRESETS as FRAME_PRESETS, FrameSensor as FrameSensor
 from .histograms import expose_histograms as expose_histograms, mean_histograms as mean_histograms
 from .image_sensors import (
@@ -61,6 +85,7 @@ from .optics import (
     ColorFilters as ColorFilters,
     Efficiency as Efficiency,
     Lens as Lens,
+    band_means as band_means,
     demosaiced as demosaiced,
     photon_rate as photon_rate,
 )

@@ -8,6 +8,9 @@ from pathlib import Path
 
 import numpy as np
 from packaging.requirements import Requirement
+from packaging.specifiers import SpecifierSet
+
+from megalopta.core import strict_yaml
 
 ROOT = Path(__file__).parents[1]
 WITHOUT_EXTRAS = """
@@ -126,3 +129,18 @@ def test_the_versions_that_are_tried_are_allowed():
     for name, allowed in floors().items():
         found = tried.get(name.lower()) or tried[re.sub("[-_.]+", "-", name).lower()]
         assert found in allowed, name
+
+
+def test_citation_changelog_and_conda_have_the_version_and_the_requirements():
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
+    assert f"\nversion: {project['version']}\n" in (ROOT / "CITATION.cff").read_text("utf-8")
+    assert f"\n## [{project['version']}]" in (ROOT / "CHANGELOG.md").read_text("utf-8")
+    recipe = strict_yaml.load((ROOT / ".conda/recipe.yaml").read_text("utf-8"))
+    assert recipe["package"] == {"name": project["name"], "version": project["version"]}
+    of_conda = {"matplotlib": "matplotlib-base", "opencv-contrib-python-headless": "py-opencv"}
+    wanted = {
+        (of_conda.get(r.name, r.name), r.specifier)
+        for r in map(Requirement, project["dependencies"])
+    }
+    run = {(r.name, r.specifier) for r in map(Requirement, recipe["requirements"]["run"])}
+    assert run == wanted | {("python", SpecifierSet(project["requires-python"]))}

@@ -1,4 +1,4 @@
-"""What the README and the overview print runs as printed."""
+"""What the README and other pages print runs as printed."""
 
 import re
 import shlex
@@ -19,10 +19,11 @@ from megalopta.flow.formats import write_flo
 
 ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
+PAGES = ("explanation/overview", "how-to/datasets", "how-to/cameras", "how-to/whole-frames")
 COMMANDS = sorted(
     {
         line
-        for page in ("README.md", "docs/overview.md", "docs/results.md", "docs/datasets.md")
+        for page in ("README.md", *(f"docs/{page}.md" for page in PAGES))
         for line in re.findall(
             r"^    megalopta (.+?)(?:  +\S.*)?$", (ROOT / page).read_text("utf-8"), re.MULTILINE
         )

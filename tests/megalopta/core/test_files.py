@@ -109,7 +109,7 @@ def test_what_is_no_number_is_refused(found: object) -> None:
 
 
 def test_the_table_of_the_documentation_is_that_of_the_program() -> None:
-    text = (Path(__file__).parents[3] / "docs/file-formats.md").read_text("utf-8")
+    text = (Path(__file__).parents[3] / "docs/reference/dataset-files.md").read_text("utf-8")
     rows = re.findall(r"^\| `(\w+)` \| .* \| (\d+) \| (\d+)(?:–(\d+))? \|$", text, re.MULTILINE)
     told = {name: (int(written), int(oldest)) for name, written, oldest, _ in rows}
     assert told == {name: tuple(each) for name, each in FORMATS.items()}

@@ -52,7 +52,7 @@ def test_only_the_core_schema_has_tags(tag):
         (f"x: [{', '.join(['1'] * 100_001)}]", "more than 100,000"),
         ("a: &a {x: *a}", "contains itself; flatten it .line 1"),
         ("a: &a {<<: *a}", "contains itself"),
-        ("[" * 100_000, "nested too deeply; flatten it"),
+        ("[" * 100_000, "nested too deeply; flatten it|maximum nesting depth"),
         ("- &a [x]\n" + "".join(f"- &a{'b' * n} [*a{'b' * (n - 1)}]\n" for n in range(1, 200)),
          "nested too deeply"),
         (f"? {'k' * 10_000}\n: 1\n? {'k' * 10_000}\n: 2", "duplicate key"),
