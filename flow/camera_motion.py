@@ -193,7 +193,7 @@ def camera_motion_with_error(
     without each of eleven parts of the view: eight strips of 40 % of its width or height, the
     nearest and the farthest 40 % of its pixels, and the nearer of two groups of distances. The
     largest change is part of the error, with the inverse of the information. In enough light, a
-    change is left out if the whole view excludes the other motion and the rest of the view hardly
+    change is omitted if the whole view excludes the other motion and the rest of the view hardly
     tells both apart: then it is what less evidence costs where nothing moves.
     """
     search = _Search.of(counts, camera)
@@ -210,15 +210,15 @@ def camera_motion_with_error(
     is_dim = counts.sum(axis=0).mean() < _ENOUGH_PHOTONS
     changes = [np.zeros(4)]  # of the rotation about each axis, and of the heading
     for part in (*_strips(shape), *layers):
-        rest = replace(search, used=~part)
-        other = rest.best(refined=False)
+        apart = replace(search, used=~part)
+        second = apart.best(refined=False)
         if (
             is_dim
-            or search.excess(other.motion, best.motion) < _EXCLUDED * dispersion
-            or not _ALIKE[0] < rest.excess(best.motion, other.motion) / dispersion < _ALIKE[1]
+            or search.excess(second.motion, best.motion) < _EXCLUDED * dispersion
+            or not _ALIKE[0] < apart.excess(best.motion, second.motion) / dispersion < _ALIKE[1]
         ):
-            turned = other.camera_motion.rotation_deg - motion.rotation_deg
-            swung = angles_deg(other.motion.heading, motion.heading)
+            turned = second.camera_motion.rotation_deg - motion.rotation_deg
+            swung = angles_deg(second.motion.heading, motion.heading)
             changes.append(np.append(turned, swung))
     noise = np.append(variance_deg2[:3], variance_deg2[3:5].sum())
     square = np.square(changes).max(axis=0) + noise

@@ -128,7 +128,7 @@ def horizontal(rgb: NDArray[np.floating]) -> Floats:
 def read_picture(path: str) -> Image:
     """Return the light of a picture (H, W, 3) in linear sRGB, as the footage reader gives it.
 
-    What the file states without effect is told. Raises ValueError if it cannot be read.
+    What the file states without effect is reported. Raises ValueError if it cannot be read.
     """
     try:
         with open_picture(Path(path), None) as footage:

@@ -187,8 +187,8 @@ def _looks(
         dr.eval(of_hit, ray, is_met)
         kept = np.array(is_met)
         looks.append([np.array(values)[..., kept] for values in of_hit])
-    points, bins, *rest = (np.concatenate(parts, axis=-1) for parts in zip(*looks, strict=True))
-    return Looks(points, bins.astype(np.int64), *rest)
+    points, bins, *draws = (np.concatenate(parts, axis=-1) for parts in zip(*looks, strict=True))
+    return Looks(points, bins.astype(np.int64), *draws)
 
 
 _POSES, _PIXELS, _SAMPLES = 2, 200, 16

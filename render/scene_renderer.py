@@ -75,8 +75,8 @@ class SceneRenderer:
         scene.check_bands(settings.bands_nm)
         scene = under_panorama(scene)
         is_plain = settings.integrator == "plain"
-        whole = self._whole = whole_scene(scene, is_plain)
-        meshes, loaded = whole.meshes, whole.loaded
+        full_scene = self._whole = whole_scene(scene, is_plain)
+        meshes, loaded = full_scene.meshes, full_scene.loaded
         self._scene, self._loaded = scene, loaded
         geometry = self._geometry = Geometry(meshes, loaded)
         self._meshes, self._bands_nm = meshes, settings.bands_nm
@@ -98,25 +98,25 @@ class SceneRenderer:
             samples = len(local) * pixels * settings.most_samples
             adapts = samples >= FEWEST_SAMPLES and not (is_plain or scene.haze or is_scalar())
             if adapts:
-                whole = self._whole = guided(whole, camera, local, samples, its_seed)
-                self._loaded = whole.loaded
+                full_scene = self._whole = guided(full_scene, camera, local, samples, its_seed)
+                self._loaded = full_scene.loaded
             air = fill(scene, scene.haze, loaded, meshes, places) if scene.haze else None
             integrator: Integrator = PathIntegrator(settings.max_depth, air)
             exposing = split = None
             if can_split(scene, meshes) and not is_plain:
-                integrator = split = SplitPaths(whole, settings)
+                integrator = split = SplitPaths(full_scene, settings)
                 if adapts:
                     split.shares = fitted_shares(split, camera, settings, local, its_seed)
                 if is_layered(meshes):
-                    layers = MovingScene(meshes, whole.loaded, geometry.still)
-                    exposing = SplitPaths(whole, settings, layers)
+                    layers = MovingScene(meshes, full_scene.loaded, geometry.still)
+                    exposing = SplitPaths(full_scene, settings, layers)
                     exposing.shares = split.shares
             if poses is not None and not reason:
-                baked = BakedLightIntegrator(whole, split, camera, settings, local, its_seed)
+                baked = BakedLightIntegrator(full_scene, split, camera, settings, local, its_seed)
                 reason = baked.reason
                 if not reason:
                     integrator, exposing = baked, None
-            self._view = SurfaceView(whole, camera, settings, integrator, exposing, air)
+            self._view = SurfaceView(full_scene, camera, settings, integrator, exposing, air)
         self.integrator = f"path ({reason})" if reason else "baked"
         self.samples_per_pixel = self._view.samples_per_pixel
 

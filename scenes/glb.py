@@ -57,10 +57,10 @@ def _surface(material: Material) -> "PBRMaterial":
             "baseColorFactor": np.append(np.rint(color * 255), 255).astype(np.uint8)
         }
     else:
-        others = np.array([_color(spectrum) for spectrum, _ in texture.spectra])
+        given = np.array([_color(spectrum) for spectrum, _ in texture.spectra])
         weight = texture.weight.reshape(*texture.weight.shape[:2], -1)
         base = np.zeros(3) if isinstance(texture, ColorTexture) else color
-        colors: Floats = base + weight @ (others - base)
+        colors: Floats = base + weight @ (given - base)
         look = {"baseColorTexture": Image.fromarray(encode_srgb(colors[::-1]))}
     return PBRMaterial(**look, metallicFactor=0.0, roughnessFactor=1.0, doubleSided=True)
 

@@ -102,11 +102,6 @@ class Light(Record, frozen=True):
             level = levels.scaled(self.illuminance_lux, level.components)
         return level
 
-    @property
-    def asks_for_a_sky(self) -> bool:
-        """True if it needs a sky, which only scenes lit from outside have."""
-        return self.panorama is not None or self.sky != "even"
-
     def lighting(self) -> Lighting:
         """Return the light on a scene from outside, as bright as the level."""
         level = self.resolved()

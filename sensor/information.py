@@ -78,12 +78,12 @@ def information(electrons: ArrayLike, sensor: ImageSensor | str | Path) -> Float
     lights = np.stack((frames * (1 - step), frames * (1 + step)))
     means, variances = _moments(lights.reshape(-1, *light.shape[-2:]), sensor)
     (below, above), variance = means.reshape(lights.shape), variances.reshape(lights.shape).mean(0)
-    told = np.zeros_like(frames)
+    fisher = np.zeros_like(frames)
     varies = (variance > _CONSTANT * above**2) & (frames > 0)
-    np.divide((above - below) ** 2, (lights[1] - lights[0]) ** 2 * variance, told, where=varies)
+    np.divide((above - below) ** 2, (lights[1] - lights[0]) ** 2 * variance, fisher, where=varies)
     if isinstance(sensor, Sensor):
-        told *= (1 - sensor.crosstalk.mean_fired_neighbors) ** 2 * _beyond_mean(frames, sensor)
-    return told.reshape(light.shape)
+        fisher *= (1 - sensor.crosstalk.mean_fired_neighbors) ** 2 * _beyond_mean(frames, sensor)
+    return fisher.reshape(light.shape)
 
 
 def reading_noise(sensor: ImageSensor) -> tuple[float, float]:
@@ -126,13 +126,13 @@ def _frame_information(light: Floats, sensor: FrameSensor) -> Floats:
     chain = sensor.full_well_e, sensor.em, sensor.read, sensor.adc
     spread = sensor.dark.log_sigma
     median_e = sensor.dark.now_e_s * sensor.exposure_s * math.exp(-(spread**2) / 2)
-    told = np.zeros_like(light)
+    fisher = np.zeros_like(light)
     for share, factor in _log_normal(spread):
         total = light + sensor.cic_e + median_e * factor
         few = total.clip(_LIGHTS[0], _MANY_E)
         few_told = _tabulated(few, lambda number: _few_electrons(number, *chain)) / few
-        told += share * np.where(total < _MANY_E, few_told, _many_electrons(total, *chain))
-    return told
+        fisher += share * np.where(total < _MANY_E, few_told, _many_electrons(total, *chain))
+    return fisher
 
 
 def _log_normal(log_sigma: float) -> list[tuple[float, float]]:
@@ -183,12 +183,12 @@ def _few_electrons(
     output_dn = np.minimum(places * step_e, em.well_e) / adc.e_per_dn
     codes = np.rint(output_dn + adc.black_dn).clip(0, adc.largest_dn).astype(np.int64)
     codes -= codes.min()
-    told = 0.0
+    fisher = 0.0
     for share, noise_e, levels_e in kinds:
         noise = np.exp(-((noise_e * angular) ** 2) / 2) * np.cos(levels_e / 2 * angular)
         densities = np.fft.irfft(spectra * noise, points)
-        told += share * _of_probabilities(*(np.bincount(codes, density) for density in densities))
-    return told * mean
+        fisher += share * _of_probabilities(*(np.bincount(codes, density) for density in densities))
+    return fisher * mean
 
 
 def _of_probabilities(p: NDArray[Any], slope: NDArray[Any]) -> float:
@@ -202,15 +202,15 @@ def _many_electrons(
     """Information on means of electrons, of normal readings that are censored at the top."""
     of_adc_e = (adc.largest_dn - adc.black_dn) * adc.e_per_dn
     most_e = min(int(full_well_e) - 0.5, em.well_e / em.gain, of_adc_e / em.gain)
-    told = np.zeros_like(mean)
+    fisher = np.zeros_like(mean)
     for share, noise_e, levels_e in _amplifiers(read):
         added_e2 = (noise_e**2 + levels_e**2 / 4 + adc.e_per_dn**2 / 12) / em.gain**2
         variance = em.excess_noise * mean + added_e2
         z = (most_e - mean) / np.sqrt(variance)
         density, full = np.exp(-(z**2) / 2) / math.sqrt(2 * math.pi), ndtr(-z)
         censored = ndtr(z) - z * density + density**2 / np.maximum(full, 1e-300)
-        told += share * np.maximum(censored, 0) / variance
-    return told
+        fisher += share * np.maximum(censored, 0) / variance
+    return fisher
 
 
 # SPAD arrays

@@ -484,7 +484,7 @@ def with_curve(curve: Any, folder: Path | None, field: str) -> Any:
     if not isinstance(curve, Mapping) or not isinstance(curve.get("path"), str):
         return curve
     if len(curve) > 1:
-        others = ", ".join(str(name) for name in curve if name != "path")
-        raise ValueError(f"{field}: path and {others} given; give a file or numbers, not both")
+        extra = ", ".join(str(name) for name in curve if name != "path")
+        raise ValueError(f"{field}: path and {extra} given; give a file or numbers, not both")
     path = named_path(curve["path"], folder)
     return curve_of(file_content(path, field), f"{field}: {path}", "efficiency")

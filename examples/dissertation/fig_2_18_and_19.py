@@ -20,7 +20,7 @@ from megalopta.camera.motion_bench import (
     peaks,
     pixels_per_frame,
 )
-from megalopta.flow.detectors.correlation import ndm_mean, nds_mean
+from megalopta.flow import ndm_mean, nds_mean
 
 velocity = np.array([pixels_per_frame(speed) for speed in SPEEDS_MM_S])
 fine, phase = np.linspace(0, velocity[-1], 201), np.pi / PIXELS

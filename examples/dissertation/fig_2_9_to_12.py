@@ -10,8 +10,7 @@ many devices the preset has the printed statistics; a single row differs.
 import matplotlib.pyplot as plt
 import numpy as np
 
-from megalopta.sensor import changed, expose_rate, preset
-from megalopta.sensor.effects.bias import best_excess_bias
+from megalopta.sensor import best_excess_bias, changed, expose_rate, preset
 from megalopta.sensor.spad.device import draw_fixed_pattern
 
 SPADCAM, AT_BREAKDOWN_V, PIXELS = preset("spadcam"), 12.40, 16

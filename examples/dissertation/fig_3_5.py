@@ -10,9 +10,8 @@ prints no numbers for this figure.
 import matplotlib.pyplot as plt
 import numpy as np
 
-from megalopta.sensor.ctia.bias import DacBias
+from megalopta.sensor import PHOTODIODES, DacBias
 from megalopta.sensor.ctia.integration import Pixel, discharge, discharge_time, gain_from_db
-from megalopta.sensor.ctia.model import PHOTODIODES
 
 SWING_V = 3.3
 for code in (24.5, 12.5, 6.5, 3.5, 1.5, 0.5, -0.5):

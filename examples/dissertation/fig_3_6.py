@@ -10,9 +10,8 @@ needs a bias within 0.08 mV of zero, as one offset in ten gives; ours is that at
 import matplotlib.pyplot as plt
 import numpy as np
 
-from megalopta.sensor.ctia.bias import DacBias
+from megalopta.sensor import PHOTODIODES, DacBias
 from megalopta.sensor.ctia.integration import Pixel, estimate_current, gain_from_db
-from megalopta.sensor.ctia.model import PHOTODIODES
 
 step_v = DacBias().step_v
 codes = np.unique(np.rint(np.geomspace(1, 1.0 / step_v, 40) - 0.5))

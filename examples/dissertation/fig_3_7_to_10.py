@@ -12,9 +12,8 @@ import matplotlib.pyplot as plt
 import numpy as np
 from scipy.optimize import brentq
 
-from megalopta.sensor.ctia.bias import DacBias
+from megalopta.sensor import PHOTODIODES, DacBias
 from megalopta.sensor.ctia.integration import Pixel, estimate_current, gain_from_db
-from megalopta.sensor.ctia.model import PHOTODIODES
 from megalopta.sensor.ctia.photodiode import reverse_current
 
 step_v = DacBias().step_v

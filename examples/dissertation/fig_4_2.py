@@ -11,7 +11,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 from megalopta.assets_gen.grating import GratingVariant, moving_cycles, sine_grating
-from megalopta.flow.stimuli.photons import resize
+from megalopta.flow import resize
 
 CYCLES, POOLED = 4.0, 60
 variants: tuple[GratingVariant, ...] = ("rot", "periodic")

@@ -10,9 +10,8 @@ the swing, by more than 1 %. Last column: the least current with a leak of 1.5 Â
 
 import numpy as np
 
+from megalopta.sensor import CTIA_PRESETS, PHOTODIODES, DacBias, FloatingGateBias
 from megalopta.sensor.ctia import integration as ctia
-from megalopta.sensor.ctia.bias import DacBias, FloatingGateBias
-from megalopta.sensor.ctia.model import CTIA_PRESETS, PHOTODIODES
 
 GATE, PATIENCE_S, OFFSETS = FloatingGateBias(), 3600.0, (np.arange(200) + 0.5) / 200
 POOR_V, PRINTED = (15e-3, 17.5e-3), ("10.4 fA, 1.6 pA, 33.8 fA", "700 pA, 5.8 nA, 2.25 pA")

@@ -11,9 +11,7 @@ import statistics
 import time
 
 from megalopta.benchmark.trial import GratingTemplate
-from megalopta.flow import METHODS
-from megalopta.flow.stimuli.moving_template import MovingTemplate
-from megalopta.flow.stimuli.photons import draw_counts
+from megalopta.flow import METHODS, MovingTemplate, draw_counts
 
 PRINTED_MS = {
     **{"BM": ("17", "338"), "IIA": ("6", "9"), "EMD": ("< 0.3", "< 3")},

@@ -195,7 +195,7 @@ class RobustLocalFlow(DenseDetector, frozen=True):
     """Dense flow between tracked points (RLOF, Senst et al. 2012), averaged over blocks.
 
     Points of a grid of 6 px are tracked with a robust norm, and the flow between them is
-    interpolated within edges (Geistert et al. 2016). Two steps of OpenCV's are left out, for few
+    interpolated within edges (Geistert et al. 2016). Two steps of OpenCV's are omitted, for few
     points: the prior of a global motion never ends, and the check of the way back leaves fewer
     neighbors than are read.
     """

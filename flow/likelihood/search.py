@@ -45,9 +45,9 @@ def with_large_motion(level: Level, frames: int, flow: Floats) -> Floats:
     displaced = _displaced(level, flow, reach, leaving)
     returned = _displaced(back, -flow, reach, leaving)
     distance = NODE_PX * alignment.round_trip(displaced / NODE_PX, returned / NODE_PX)
-    found = np.where(distance < AGREES_PX, displaced, flow)
-    edges.spread(equal_roots(level, found), level.noise, found)
-    return found
+    merged = np.where(distance < AGREES_PX, displaced, flow)
+    edges.spread(equal_roots(level, merged), level.noise, merged)
+    return merged
 
 
 def with_proposal(level: Level, flow: Floats, proposal: Floats, returned: Floats) -> Floats:

@@ -74,10 +74,10 @@ def improve(matrix: Floats, slope: Floats, velocities: Floats, most_error: float
 def _push(system: Floats, velocities: Floats, pushed: Floats) -> None:
     """Write the product of the matrix of nodes and velocities."""
     for k in range(2):
-        here, other = velocities[k], velocities[1 - k]
+        here, across = velocities[k], velocities[1 - k]
         for y in range(1, here.shape[0] - 1):
             for x in range(1, here.shape[1] - 1):
-                force = system[2 * k, y, x] * here[y, x] + system[1, y, x] * other[y, x]
+                force = system[2 * k, y, x] * here[y, x] + system[1, y, x] * across[y, x]
                 pushed[k, y, x] = force - _pull(system, here, y, x)
 
 

@@ -292,11 +292,11 @@ def _measured(
         facts |= {"bits_s_mm2": float(bits_s_mm2), "motion_um": motion_um}
         facts |= {"information_mm4": None, "bound_um": None}
         if not is_contrast:
-            told = slopes(setting, pair)
-            least = np.trace(cramer_rao_covariance(told.of_blocks(blocks)), axis1=-2, axis2=-1)
+            fisher = slopes(setting, pair)
+            least = np.trace(cramer_rao_covariance(fisher.of_blocks(blocks)), axis1=-2, axis2=-1)
             least_um = 1e6 * pitch_m * np.sqrt(math.pi / 4 * least)
             facts["bound_um"] = float(np.minimum(least_um, motion_um).mean())
-            facts["information_mm4"] = trace(told) / (1e3 * pitch_m) ** 4
+            facts["information_mm4"] = trace(fisher) / (1e3 * pitch_m) ** 4
         for method, (n, frames) in product(methods, summed.items()):
             side = n * finest
             aware = method.model_copy(update={"noise": (noise[0], noise[1] * side**2)})

@@ -75,18 +75,18 @@ def summary(comparison: Comparison) -> pd.DataFrame:
     rows, lines = rows.join(ideal, on=pair), []
     for (pixels, in_lux), cameras in rows.groupby(["pixels", "lux"], sort=False):
         facts = cameras.groupby("sensor", sort=False)[_FACTS].first()
-        for metric, (total, whole, _) in METRICS.items():
+        for metric, (total, area, _) in METRICS.items():
             columns = {"method": cameras["sensor"], "total": cameras[total]}
-            sums = table.by_method(cameras.assign(**columns, blocks=cameras[whole]))
+            sums = table.by_method(cameras.assign(**columns, blocks=cameras[area]))
             values = {name: table.mean(of_camera) for name, of_camera in sums.items()}
             real = [name for name, value in values.items() if name != IDEAL and np.isfinite(value)]
             order = -1 if metric == "information" else 1
             best = min(real, key=lambda name: order * values[name], default=IDEAL)
             for name, of_camera in sums.items():
-                scale, found = values[IDEAL], table.ratio(of_camera, sums[IDEAL])
+                scale, to_ideal = values[IDEAL], table.ratio(of_camera, sums[IDEAL])
                 if name == IDEAL:
-                    scale, found = 1.0, table.interval(of_camera)
-                _, low, high = found or table.Interval(np.nan)
+                    scale, to_ideal = 1.0, table.interval(of_camera)
+                _, low, high = to_ideal or table.Interval(np.nan)
                 worse = table.ratio(*(of_camera, sums[best])[::order])
                 is_best = name in real and not (worse and worse.low > 1)
                 known = values[name], scale * low, scale * high, is_best
@@ -148,9 +148,9 @@ def _cells(means: pd.DataFrame) -> list[Markup]:
         error, information, bound, median = table.records(at_light)
         value = Markup("<b>{}</b>" if error.is_best else "{}").format(percent(error.value))
         ends = f"{100 * error.low:.0f}–{100 * error.high:.0f} %"
-        others = f"median {percent(median.value)}", f"bound {percent(bound.value)}"
+        spread = f"median {percent(median.value)}", f"bound {percent(bound.value)}"
         told = f"I {percent(information.value)}", f"{number(1e-6 * error.bits_s_mm2)} Mbit/s"
-        lines = value, ends, error.method, *others, *told
+        lines = value, ends, error.method, *spread, *told
         cells.append(Markup("<br>").join(lines).replace(" ", "\u00a0"))
     return cells
 

@@ -349,11 +349,11 @@ def _frames_below(root: Path, among_pictures: bool = False) -> dict[FrameName, P
         raise UserError(f"{strays[0]} has no flow file of its name: add that, or remove this")
     suffixes = {path.suffix.lower() for path in paths}
     if among_pictures:
-        others = {path.parent for path in paths if path.suffix.lower() != ".png"}
+        marked = {path.parent for path in paths if path.suffix.lower() != ".png"}
         paths = [
             path
             for path in paths
-            if path.suffix.lower() != ".png" or (path.parent not in others and _may_be_flow(path))
+            if path.suffix.lower() != ".png" or (path.parent not in marked and _may_be_flow(path))
         ]
     elif len(suffixes) > 1:
         raise UserError(f"{root} holds {' and '.join(sorted(suffixes))}: give one format")

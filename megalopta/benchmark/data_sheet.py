@@ -148,10 +148,10 @@ def data_sheet(sensor: ImageSensor | str | Path, wavelength_nm: float | None = N
         }
         filters = dict.fromkeys(("red", "green", "blue", "white")) | {"mosaic": ()}
         pixel = changed(named, lens={"falloff_fov_deg": None, "blur_m": 0.0}, filters=filters)
-        whole = (128, 128)
+        sides = (128, 128)
         if isinstance(pixel, Sensor) and pixel.measured.is_on:
-            pixel, whole = changed(pixel, measured={"fit": "center"}), pixel.measured.shape
-        shape = min(whole[0], 16), min(whole[1], 16)
+            pixel, sides = changed(pixel, measured={"fit": "center"}), pixel.measured.shape
+        shape = min(sides[0], 16), min(sides[1], 16)
 
         curves = [pixel.efficiency, *pixel.lens.curves]
         low_nm = max(curve.wavelengths_nm[0] for curve in curves)
@@ -193,10 +193,10 @@ def data_sheet(sensor: ImageSensor | str | Path, wavelength_nm: float | None = N
         )
 
         if isinstance(pixel, Sensor):
-            states = draw_fixed_pattern(pixel, whole).dark_levels()
+            states = draw_fixed_pattern(pixel, sides).dark_levels()
             dark_hz = np.asarray(sum(chance * state_hz for chance, state_hz in states))
         else:
-            unlit = expectation(np.zeros((1, *whole, 1)), line, pixel, 0, _AT_REST_S)
+            unlit = expectation(np.zeros((1, *sides, 1)), line, pixel, 0, _AT_REST_S)
             dark_hz = np.asarray(unlit.mean_events[0] / pixel.exposure_s)
         return DataSheet(
             sensor=named,
@@ -210,7 +210,7 @@ def data_sheet(sensor: ImageSensor | str | Path, wavelength_nm: float | None = N
             dynamic_range_db=20 * math.log10(saturation / threshold),
             dark_hz=dark_hz,
             hot_share=float(np.mean(dark_hz > 10 * np.median(dark_hz))),
-            emva=standard.device_emva(pixel, whole, nm) if isinstance(pixel, FrameSensor) else None,
+            emva=standard.device_emva(pixel, sides, nm) if isinstance(pixel, FrameSensor) else None,
         )
 
 

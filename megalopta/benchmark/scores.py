@@ -125,9 +125,9 @@ def score_submissions(
             advance(1)
     frames, entries = Counter(frame.sequence for frame in truths), []
     for name, pass_name, _, errors in submissions:
-        whole = None, len(truths), DenseErrors.joined(errors.values())
+        overall = None, len(truths), DenseErrors.joined(errors.values())
         by_sequence = ((key or name_of_truth, frames[key], part) for key, part in errors.items())
-        for sequence, count, part in (*by_sequence, whole):  # that of KITTI has no name
+        for sequence, count, part in (*by_sequence, overall):  # that of KITTI has no name
             by_group = {group: for_json(asdict(part.of(group))) for group in GROUPS}
             confidence = for_json(sparsified(part.sparsification)._asdict())
             entry = Entry(

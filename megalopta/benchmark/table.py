@@ -63,7 +63,7 @@ def means(table: pd.DataFrame, not_ranked: str = "") -> pd.DataFrame:
     """Return the mean of every case over units: value, low, high and `surely_lowest`.
 
     The last is true if the value is lower than that of every other method but `not_ranked`. Cases
-    without blocks are left out.
+    without blocks are excluded.
     """
     rows = []
     for (metric, *case), same in table.groupby(["metric", *CASE[2:]], sort=False):

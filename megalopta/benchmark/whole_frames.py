@@ -84,10 +84,10 @@ class Board:
     def parts(self) -> Mapping[str | None, str]:
         """Return the headings of all pairs together (None) and, if there are several, of sets."""
         pairs = self.by_scene[["set", "unit"]].drop_duplicates()
-        whole = {None: f"All {len(pairs)} pairs" if len(pairs) > 1 else str(pairs["unit"].iloc[0])}
+        heads = {None: f"All {len(pairs)} pairs" if len(pairs) > 1 else str(pairs["unit"].iloc[0])}
         counts = pairs["set"].value_counts(sort=False).items()
         sets = {str(name): f"{name} ({count} pairs)" for name, count in counts}
-        return whole | (sets if len(sets) > 1 else {})
+        return heads | (sets if len(sets) > 1 else {})
 
     def samples(self, set_name: str | None, flux: float) -> pd.DataFrame:
         """Return the values of the pairs of a set, or of all, at a flux, as `table.samples`."""
@@ -182,15 +182,15 @@ def _errors(
         flows.append(flow.astype(np.float32))
         rows.append(row)
     for place, row in enumerate(rows if len(rows) > 2 else ()):
-        others = np.median(flows[:place] + flows[place + 1 :], axis=0)
-        row[FROM_OTHERS] = np.hypot(*(flows[place] - others)[known].T).mean()
+        consensus = np.median(flows[:place] + flows[place + 1 :], axis=0)
+        row[FROM_OTHERS] = np.hypot(*(flows[place] - consensus)[known].T).mean()
     return rows
 
 
 def write_board(path: Path, board: Board, stand_in: str = "") -> None:
     """Write a row per pair, disturbance, flux and method, as CSV: means over the pair's draws.
 
-    Without truth, rows say what stands in for it.
+    Without truth, rows name the stand-in.
     """
     columns = [*_CASE, *METRICS, *([FROM_OTHERS] if stand_in else [])]
     rows = board.by_scene.reindex(columns=columns)
@@ -247,7 +247,7 @@ def clips_without_truth(
 ) -> Iterator[FlowClip]:
     """Yield pairs whose true flow is replaced by that of the reference without photon noise.
 
-    A pair without contrast, or in which the reference finds no flow, is left out.
+    A pair without contrast, or in which the reference finds no flow, is excluded.
     """
     detector = block_detector(reference)
     for name, (first, second) in pairs.items():

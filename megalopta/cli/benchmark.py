@@ -101,7 +101,7 @@ def _pairs(options: Namespace) -> Path:
             clips, count = whole_frames.clips_without_truth(pictures, reference), len(pictures)
         else:
             files = list(_files_of_pairs(options))
-            for pair in files:  # a fault is told before the work
+            for pair in files:  # a fault is reported before the work
                 for note in read_pair(*pair).notes:
                     say(note)
             clips, count = (read_pair(*pair) for pair in files), len(files)
@@ -315,12 +315,12 @@ def _design(options: Namespace) -> Path:
     from megalopta.config.yaml_model import validated
 
     settings = validated(DesignSettings, {}, "settings", options.overrides)
-    found = design(options.sensor, options.dataset, **dict(settings))
-    table = Table(*table_head(found))
-    for row in found.rows:
-        table.add_row(*table_cells(found, row))
+    designed = design(options.sensor, options.dataset, **dict(settings))
+    table = Table(*table_head(designed))
+    for row in designed.rows:
+        table.add_row(*table_cells(designed, row))
     Console(width=120, markup=False).print(table)
-    return write_design(options.out, found)
+    return write_design(options.out, designed)
 
 
 @verb(
@@ -344,5 +344,5 @@ def _cameras(options: Namespace) -> Path:
     from megalopta.config.yaml_model import validated
 
     settings = validated(CamerasSettings, {}, "settings", options.overrides)
-    found = compare_cameras(options.scenes, options.out, **dict(settings))
-    return write_cameras(options.out, found)
+    compared = compare_cameras(options.scenes, options.out, **dict(settings))
+    return write_cameras(options.out, compared)

@@ -57,8 +57,8 @@ class VerbSettings:
             inner = [kind for outer in types for kind in _inside(outer, step)]
             if not inner:
                 known = {name for kind in _models(types) for name in models[kind]}
-                whole = f"give {'.'.join(steps[:depth])} as a whole"
-                remedy = nearest(step, sorted(known), "the keys are") if known else whole
+                remedy = f"give {'.'.join(steps[:depth])} as a whole"
+                remedy = nearest(step, sorted(known), "the keys are") if known else remedy
                 place = ".".join(steps[: depth + 1])
                 raise UserError(f"command line: {place}: unknown key; {remedy}")
             types = inner
@@ -79,10 +79,10 @@ class VerbSettings:
         values = mapping(built_in_text(self.values), self.values) if self.values else {}
         if self.stage == "sense":
             values, source = description()["pictures"], "the defaults for pictures"
-        first, *others = self.models
+        first, *further = self.models
         fields = description()["stages"].get(self.stage, description()["models"][first])
         listed = list(settings_of(first, {name: values.get(name, ...) for name in fields}))
-        for model in others:
+        for model in further:
             more = {name: ... for name in description()["models"][model] if name not in fields}
             listed += settings_of(model, more)
         shown = [setting for setting in listed if setting[0] in often] or listed

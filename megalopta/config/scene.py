@@ -71,7 +71,8 @@ class SceneSettings(Record, frozen=True):
 
     @model_validator(mode="after")
     def _light_and_cameras_suit(self) -> "SceneSettings":
-        if self.light.asks_for_a_sky and not self.scene.is_lit_from_outside:
+        needs_sky = self.light.panorama is not None or self.light.sky != "even"
+        if needs_sky and not self.scene.is_lit_from_outside:
             raise ValueError(
                 f"light.{'panorama' if self.light.panorama else 'sky'}: a scene of kind "
                 f"{self.scene.kind!r} has its own light; omit it, or use a forest"

@@ -95,7 +95,7 @@ class SensingSettings(RenderingSettings, frozen=True):
     products: Annotated[tuple[ProductName, ...], ONCE] = ("counts",)
     """Output of `sense` for every sensor and level: `counts` (required), `events_hdf5`,
     `events_dsec`, `binary_npy`, `burst_npy`, `sums_npy`, `brackets_npy`, `changes_hdf5`, `tiff`
-    (docs/file-formats.md)."""
+    (docs/reference/dataset-files.md)."""
 
     imu: Imu | None = Field(default=None, exclude_if=lambda imu: imu is None)
     """Gyroscope and accelerometer on the rig, whose readings `sense` writes; default: none."""

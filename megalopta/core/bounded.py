@@ -226,7 +226,8 @@ def named_path(named: str | Path, folder: Path | None) -> Path:
         return Path(named)
     place = folder / named
     try:
-        is_inside = place.resolve().is_relative_to(folder.resolve())
+        real = place.resolve()
+        is_inside = real.is_relative_to(folder.resolve()) and not real.is_symlink()
     except (OSError, RuntimeError, ValueError):  # circular links, a null byte
         is_inside = False
     if not is_inside or Path(named).is_absolute() or ":" in str(named):

@@ -1,6 +1,6 @@
 """The dataset on disk, of one sequence or of many: MPI-Sintel's tree with additions.
 
-docs/file-formats.md lists it. A record is written last: what it does not list is no output.
+docs/reference/dataset-files.md lists it. A record, written last, lists what is output.
 """
 
 import hashlib
@@ -85,7 +85,7 @@ class Dataset:
     _compared: set[str] = field(default_factory=set, init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
-        self.sequence = name = self.configuration.name
+        self.sequence: str = (name := self.configuration.name)
         self.former = self.record or SequenceRecord(
             format=FORMATS["sequence"].written, sequence=name
         )
@@ -94,7 +94,7 @@ class Dataset:
         self.begun_path = self.record_path.with_suffix(".begun")
         self.scene_record = self.root / "radiance" / name / "scene.json"
         self.tracks = self.root / "training/tracks" / name / "tracks.npz"
-        self.imu = self.root / "training/imu" / name
+        self.imu: Path = self.root / "training/imu" / name
         shutter = self.configuration.shutter
         is_blurred = shutter.exposure_s > 0 or shutter.readout_s > 0
         self._radiance = "radiance_shutter" if is_blurred else "radiance"

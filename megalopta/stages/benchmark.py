@@ -1,7 +1,7 @@
 """The benchmark stage: photons per frame that each detector needs on the rendered sequence."""
 
 from collections.abc import Callable
-from functools import cache, partial
+from functools import partial
 from pathlib import Path
 from typing import cast
 
@@ -77,11 +77,6 @@ def _part(folder: Path, name: str, work: Callable[[], list[Floats]]) -> list[Flo
     return sums
 
 
-@cache
-def _model() -> str:
-    return code_digest("megalopta.flow", "megalopta.sensor.sampling", __name__)
-
-
 def _shape(settings: Configuration) -> tuple[int, int, int]:
     return settings.trajectory.frames, *settings.camera.shape
 
@@ -92,7 +87,7 @@ def _check(settings: Configuration) -> None:
     )
 
 
-STAGE = Stage(
+STAGE: Stage = Stage(
     name="benchmark",
     command="benchmark photons",
     fields=("methods", "benchmark"),
@@ -101,7 +96,9 @@ STAGE = Stage(
         dataset.result(name) for name in ("benchmark.json", "benchmark.csv", _PARTS)
     ],
     work=benchmark,
-    made_with=lambda _: {"model": _model()},
+    made_with=lambda _: {
+        "model": code_digest("megalopta.flow", "megalopta.sensor.sampling", __name__)
+    },
     is_derived=True,
     check=_check,
 )

@@ -188,7 +188,7 @@ def _check(settings: Configuration) -> None:
             )
 
 
-STAGE = Stage(
+STAGE: Stage = Stage(
     name="flow",
     command="flow",
     fields=("methods", "flow"),

@@ -60,7 +60,7 @@ class SequenceMeasurement:
     leaves_out_saturated : bool
         True excludes saturated pixels, or blocks with many of them.
     sensor : ImageSensor
-        That of the readings, whose noise the detector is told.
+        That of the readings, whose noise the detector knows.
     """
 
     def __init__(

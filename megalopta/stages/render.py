@@ -233,7 +233,7 @@ class FrameWriter:
         settings, stops = self._settings, None
         white, bands_nm = settings.scene.white(settings.light), settings.render.bands_nm
         first = path.with_name(self._dataset.frame("radiance", 0).name)
-        with suppress(FileNotFoundError, ValueError):  # a damaged file is told by others
+        with suppress(FileNotFoundError, ValueError):  # a damaged file is reported by others
             stops = read_headers(first)[0].get("EV")
         if not (isinstance(stops, float) and abs(stops) < _MOST_STOPS):
             stops = None
@@ -367,7 +367,7 @@ def _made_with(settings: Configuration) -> dict[str, str]:
     return {**model, "variant": variant, **libraries, **llvm}
 
 
-STAGE = Stage(
+STAGE: Stage = Stage(
     name="render",
     command="render",
     fields=tuple(RenderingSettings.model_fields),

@@ -287,7 +287,7 @@ def _check(settings: Configuration) -> None:
             raise ValueError(f"sensor {sensor.name!r}: {problem}") from None
 
 
-STAGE = Stage(
+STAGE: Stage = Stage(
     name="sense",
     command="sense",
     fields=own_fields(SensingSettings),

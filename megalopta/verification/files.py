@@ -128,7 +128,7 @@ def _plan_faults(tree: Tree, plan: Plan, names: list[str]) -> Faults:
         if table == "sequences" and rows != len(names):
             yield FileFault(path, f"has {rows} rows for {len(names)} sequences", again)
     described = root / "croissant.json"
-    with suppress(UserError, OSError, ValueError, KeyError):  # of tables that are told above
+    with suppress(UserError, OSError, ValueError, KeyError):  # of tables that are reported above
         description = read_json(described)
         if description != index.croissant(root, plan, str(description["version"])):
             yield FileFault(described, "differs from the plan and the tables", again)
@@ -139,7 +139,7 @@ def _plan_faults(tree: Tree, plan: Plan, names: list[str]) -> Faults:
         return
     members_of: dict[str, list[str]] = {split: [] for split in (*plan.splits, *lists)}
     for name in names:
-        with suppress(UserError):  # of a record that is told above
+        with suppress(UserError):  # of a record that is reported above
             record = tree.record(name)
             for split in index.splits_of(record, plan):
                 members_of.setdefault(split, []).append(name)

@@ -28,9 +28,9 @@ from megalopta.scenes.spectra.spectrum import flat
 _AHEAD = 2**20
 """First sample of paths whose light is kept; those of light are before."""
 _PARTS = 2
-"""Parts of a band in which kept light is told apart."""
+"""Parts of a band in which kept light is distinguished."""
 _NEAREST_M = 1e-3
-"""Nearest hit that is told from nearer ones (m)."""
+"""Nearest hit that is distinguished from nearer ones (m)."""
 
 
 class Places(NamedTuple):

@@ -220,14 +220,14 @@ class BakedLight:
     def clusters_of(self, cell: UInt32) -> Ints:
         """Clusters of cells (N,), by number, or near ones; `NOT_SURVEYED` if there is none."""
         exact = 0, self._keys, np.arange(len(self._keys))
-        found = np.full(len(cell), NOT_SURVEYED)
+        cluster = np.full(len(cell), NOT_SURVEYED)
         for octaves, keys, of in (exact, (OCTAVES, self._near, self._standing_in)):
-            left = np.flatnonzero(found == NOT_SURVEYED)
+            left = np.flatnonzero(cluster == NOT_SURVEYED)
             if len(keys) and len(left):
                 key = self._cells.voxels(cell[left], octaves)
                 place = np.searchsorted(keys, key).clip(max=len(keys) - 1)
-                found[left] = np.where(keys[place] == key, of[place], NOT_SURVEYED)
-        return found
+                cluster[left] = np.where(keys[place] == key, of[place], NOT_SURVEYED)
+        return cluster
 
     def look_up(self, cell: Any, active: Any) -> tuple[Any, Any]:
         """Clusters of active cells (N,), already evaluated, and True for those with light."""

@@ -144,9 +144,9 @@ def _chosen(path: Path, headers: Sequence[Mapping[str, Any]]) -> _Picture:
         )
     _, part, used, alpha, wavelengths_nm = min(candidates, key=lambda candidate: candidate[:2])
     known_names = *used, alpha, *("RGB" if wavelengths_nm else "")  # the picture of the spectra
-    others = [name for number, name in channels if number != part or name not in known_names]
-    others += ["deep data"] * any(kind.startswith("deep") for kind in kinds)
-    return _Picture(part, headers[part], used, alpha, wavelengths_nm, tuple(others))
+    unread = [name for number, name in channels if number != part or name not in known_names]
+    unread += ["deep data"] * any(kind.startswith("deep") for kind in kinds)
+    return _Picture(part, headers[part], used, alpha, wavelengths_nm, tuple(unread))
 
 
 def _bands_nm(path: Path, picture: _Picture) -> Bands:

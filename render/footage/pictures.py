@@ -255,7 +255,7 @@ def _common_header(files: tuple[Path, ...]) -> frames.Header:
             )
         if header._replace(notes=()) != first._replace(notes=()):
             raise UserError(f"{files[0]} and {path.name} differ in bits or colors; save all alike")
-        for note in header.notes:  # those that differ by a number are told once
+        for note in header.notes:  # those that differ by a number are reported once
             notes.setdefault(re.sub("[0-9.]+", "", note.replace(str(path), "")), note)
     return first._replace(notes=tuple(notes.values()))
 

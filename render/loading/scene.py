@@ -50,14 +50,14 @@ def whole_scene(scene: Scene, is_plain: bool) -> LoadedScene:
     Kernels hold Dr.Jit's numbers of shapes: for a second copy they would be compiled again.
     """
     key = id(scene), str(mi.variant()), is_plain
-    whole = None if scene.is_moving else _IN_USE.get(key)
-    if whole is None:
+    loaded_scene = None if scene.is_moving else _IN_USE.get(key)
+    if loaded_scene is None:
         meshes = merge(scene)
         # Under a sun, paths find the sky by chance: in forests with half of the variance.
         weight = float(is_plain or not (scene.lighting and scene.lighting.sun))
         loaded = load_scene(scene, meshes, weight)
-        whole = _IN_USE[key] = LoadedScene(scene, meshes, loaded)
-    return whole
+        loaded_scene = _IN_USE[key] = LoadedScene(scene, meshes, loaded)
+    return loaded_scene
 
 
 def load_scene(scene: Scene, meshes: Sequence[MergedMesh], sky_weight: float = 1.0) -> Any:

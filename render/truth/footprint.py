@@ -111,10 +111,10 @@ class Footprints:
             (weights * (things == thing)).sum(axis=1) for thing in (centers.reshape(-1, 1), 0)
         ]
         columns = [np.stack(shares, axis=-1)]
-        for other in (following, previous):
+        for neighbor in (following, previous):
             spread = np.broadcast_to([np.nan, np.nan, np.nan, 0.0], (centers.size, 4))
-            if other is not None:
-                way = correspondence(self._geometry, camera, seen, places_used, other)
+            if neighbor is not None:
+                way = correspondence(self._geometry, camera, seen, places_used, neighbor)
                 spread = _spread(*way, weights[used], pixel, centers.size)
             columns.append(spread)
         table = np.concatenate(columns, axis=1).reshape(*centers.shape, 10)

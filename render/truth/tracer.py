@@ -136,8 +136,8 @@ class TruthTracer:
         surface = self._geometry.seen(eyes.origin, directions, eyes.time_s)
         size = np.array([self._camera.width, self._camera.height])
         points, occluded = [], []
-        for other in others:
-            way, is_hidden = correspondence(self._geometry, self._camera, surface, image, other)
+        for seen_at in others:
+            way, is_hidden = correspondence(self._geometry, self._camera, surface, image, seen_at)
             place = image + way
             if self._wraps:
                 place[:, 0] %= size[0]

@@ -208,8 +208,8 @@ class Forest(SceneDescription, frozen=True):
 
     def describe(self) -> str:
         """Sentence for the report."""
-        *others, last = [name for name, share in self.mix.items() if share > 0]
-        species = f"{', '.join(others)} and {last}" if others else last
+        *names, last = [name for name, share in self.mix.items() if share > 0]
+        species = f"{', '.join(names)} and {last}" if names else last
         haze = f", in haze with a visibility of {self.haze.visibility_m:g} m" if self.haze else ""
         stand = f"A forest of {self.trees:,} trees ({species}), {self.density_per_ha:g} per hectare"
         return f"{stand}{haze}."

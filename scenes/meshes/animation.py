@@ -240,12 +240,12 @@ class FigureMotion:
     def turn(self, normals: Floats, points: Floats, time_s: float) -> Floats:
         """Return unit normals (n, 3) at a time, from those at vertices (n, 3) as placed."""
         vertex, now = self._vertex(points), np.array([time_s])
-        rest, maps = (
+        maps_at_rest, maps = (
             (self.to_world @ figure.maps(vertex, now))[:, :3, :3]
             for figure in (self.at_rest, self.figure)
         )
         # Back to the mesh, where shapes change them, and out again.
-        in_mesh = unit(np.einsum("nij,ni->nj", rest, normals))
+        in_mesh = unit(np.einsum("nij,ni->nj", maps_at_rest, normals))
         in_mesh += self.figure.change(self.figure.turns, vertex, now)
         in_mesh -= self.at_rest.change(self.at_rest.turns, vertex, now)
         return unit(np.einsum("nji,nj->ni", inverse(maps), unit(in_mesh)))

@@ -278,7 +278,7 @@ def _figure(file: GltfFile, number: int, parts: list[Part], nodes: _Nodes) -> li
         extent = float(np.ptp(placed, axis=0).max())
         if not extent > 0:
             raise ValueError(f"node {number} moves, but has no size at rest")
-        # Vertices at one place, which may part, are told from each other by a small step.
+        # Vertices at one place, which may part, are distinguished by a small step.
         beside = np.asarray(cKDTree(placed).query(placed, k=2)[0])[:, 1] < 1e-9 * extent
         placed[beside, 0] += 1e-7 * extent * np.arange(1, beside.sum() + 1)
         figure = replace(at_rest, skeleton=skeletons[-1], shares=shares or resting)

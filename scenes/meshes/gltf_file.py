@@ -37,9 +37,9 @@ def parts_of(content: bytes) -> tuple[Json, bytes]:
         length, size = struct.unpack_from("<2I", content, 8)
         if length != len(content):
             raise ValueError(f"it states {length} bytes, and has {len(content)}")
-        text, rest = content[20 : 20 + size], content[20 + size :]
-        if rest[4:8] == b"BIN\0":
-            binary = rest[8 : 8 + int.from_bytes(rest[:4], "little")]
+        text, chunk = content[20 : 20 + size], content[20 + size :]
+        if chunk[4:8] == b"BIN\0":
+            binary = chunk[8 : 8 + int.from_bytes(chunk[:4], "little")]
     elif content.lstrip()[:1] != b"{":
         raise ValueError("it is neither binary glTF nor JSON")
     header = from_json(text.decode("utf-8"))
@@ -133,10 +133,10 @@ class GltfFile:
         values = self._read(entry, shape, entry["componentType"])
         if "sparse" in entry:
             sparse = entry["sparse"]
-            places, others = sparse["indices"], sparse["values"]
+            places, stored = sparse["indices"], sparse["values"]
             at = self._read(places, (sparse["count"], 1), places["componentType"])[:, 0]
             values = values.copy()
-            values[at] = self._read(others, (sparse["count"], shape[1]), entry["componentType"])
+            values[at] = self._read(stored, (sparse["count"], shape[1]), entry["componentType"])
         return _numbers(values, entry)
 
     def _read(self, entry: Json, shape: tuple[int, int], component: int) -> NDArray[Any]:

@@ -91,7 +91,7 @@ def _contents(path: str) -> Contents:
         if hasattr(reader, "names_in"):
             with undamaged(path, REPAIR):
                 names = reader.names_in(name, contents[name])
-            waiting += [other for other in names if other not in contents]
+            waiting += [named for named in names if named not in contents]
     return contents
 
 

@@ -20,7 +20,7 @@ refractory period after an event, the reference follows V. At first V is station
 reference equal to it, or, with a leak, anywhere on its way to the next ON event.
 
 Events do not depend on time steps (`passage`). Draws of a frame are a function of seed, stream,
-sensor, light and frame number; the state goes on from frame to frame.
+sensor, light and frame number; the state continues from frame to frame.
 
 Not modeled: limits of the readout, its arbitration and jitter; several poles; photocurrent that
 leaks into references (Nozaki and Delbruck 2017); thresholds that depend on temperature.

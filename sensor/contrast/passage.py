@@ -32,11 +32,11 @@ _STEP, _LONG, _CLEAR = 0.3, 2.0, 3.5
 _MOST_CHANGE = 0.5
 """Of ln λ in a step, in whose middle τ and σ are taken"""
 _NEGLIGIBLE = 18.0
-"""Exponent of a crossing that is left out"""
+"""Exponent of a crossing that is omitted"""
 _REDRAWN = 20
 """Most draws of the end of a long step, which is within the barriers nearly always"""
 _FARTHEST = 9.0
-"""Barrier beyond which rare passages are left out, σ"""
+"""Barrier beyond which rare passages are omitted, σ"""
 
 
 @cache

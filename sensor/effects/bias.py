@@ -176,8 +176,3 @@ class Temperature(Effect, frozen=True):
         rise_k = self.celsius - self.reference_celsius
         with np.errstate(over="ignore"):  # `draw_fixed_pattern` refuses rates that are not finite
             return float(np.exp2(rise_k / self.dcr_doubling_k))
-
-    @property
-    def breakdown_shift_v(self) -> float:
-        """Rise of every breakdown voltage since the reference temperature, V."""
-        return self.breakdown_v_per_k * (self.celsius - self.reference_celsius)

@@ -1,6 +1,6 @@
 """Event streams in HDF5, in the layout of event-camera data sets.
 
-Layout: `docs/file-formats.md`.
+Layout: `docs/reference/recorded-files.md`.
 """
 
 import json

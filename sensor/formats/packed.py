@@ -1,6 +1,6 @@
 """Arrays in `.npy`, and raw frames of a known layout, such as those of SPAD cameras.
 
-Layouts: `docs/file-formats.md`.
+Layouts: `docs/reference/recorded-files.md`.
 """
 
 import re
@@ -180,10 +180,10 @@ def _check_bit_order(path: Path, bits: NDArray[np.uint8], order: str) -> None:
         far = np.square(bands[:, 1:, 7] - bands[:, :-1, 0])
         excess = ((near - far) / np.maximum(near + far, 1e-12)).mean(axis=0)
         if excess.mean() > 6 * excess.std() / (excess.size - 1) ** 0.5 + 0.02:
-            other = "lsb" if order == "msb" else "msb"
+            reversed_order = "lsb" if order == "msb" else "msb"
             raise ValueError(
                 f"{path}: rates of its columns have a period of 8, so the bits of a byte are in "
-                f"the other order; state format: raw, and bit_order: {other} in its layout"
+                f"the other order; state format: raw, and bit_order: {reversed_order} in its layout"
             )
 
 

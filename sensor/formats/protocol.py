@@ -118,9 +118,9 @@ class Parser:
 
     def feed(self, data: bytes) -> Iterator[Packet]:
         """Yield the packets that these bytes complete."""
-        first, *others = (self._rest + data).split(b"\0")
-        self._rest = others[-1] if others else first
-        for piece in [first, *others][:-1]:
+        first, *later_frames = (self._rest + data).split(b"\0")
+        self._rest = later_frames[-1] if later_frames else first
+        for piece in [first, *later_frames][:-1]:
             if not piece and not self._is_too_long:
                 continue
             packet = None if self._is_too_long else self._decoded(piece)

@@ -1,6 +1,6 @@
 """Reader of files of frames, recognized by content; frames of MPD's SPC3 cameras.
 
-Layout: `docs/file-formats.md`, from MPD's SPC3 SDK (header `SPC3_SDK.h`).
+Layout: `docs/reference/recorded-files.md`, from MPD's SPC3 SDK (header `SPC3_SDK.h`).
 """
 
 import re

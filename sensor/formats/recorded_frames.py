@@ -192,14 +192,14 @@ def opened_tiff(path: Path) -> Iterator[Stack]:
         total = len(pages) if len(pages) > 1 or stack.ndim == 2 else stack.shape[0]
         frame_bytes = math.prod(stack.shape[-2:]) * (stack.dtype.itemsize + _VALUE_BYTES) / 2
 
-        whole = cache(stack.asarray)
+        decoded = cache(stack.asarray)
 
         def read(part: slice) -> NDArray[Any]:
             if len(pages) == total:
                 images = [page.asarray() for page in pages[part]]
                 return np.array(images, stack.dtype).reshape(-1, *stack.shape[-2:])
             bounded.check_decoded(path, stack.shape, stack.dtype.itemsize)
-            return np.asarray(whole()[part])
+            return np.asarray(decoded()[part])
 
         text = str(getattr(file.pages[0], "description", ""))[: bounded.QUOTED]
         yield Stack("tiff", total, frame_bytes, read, conditions=conditions_in(text))

@@ -1,6 +1,6 @@
 """Readers of time tags: `.ptu` (PicoQuant), `.spc` (Becker & Hickl), Photon-HDF5, and LinoSPAD2's.
 
-Layouts: `docs/file-formats.md`.
+Layouts: `docs/reference/recorded-files.md`.
 """
 
 from pathlib import Path

@@ -57,9 +57,9 @@ def reading_moments(
         of_pixels = np.broadcast_arrays(mean_e, full, offset_e, noise_e2, level_e)
         of_one_e2 = gain**2 * (register.excess_noise - 1)
         of_sensor = well_e, gain, of_one_e2, register.well_e, step_e, adc.black_dn, adc.largest_dn
-        found = np.empty((2, np.count_nonzero(is_near)))
-        _sum_over_electrons(*(of[is_near] for of in of_pixels), tuple(map(float, of_sensor)), found)
-        mean[is_near], variance[is_near] = found
+        stats = np.empty((2, np.count_nonzero(is_near)))
+        _sum_over_electrons(*(of[is_near] for of in of_pixels), tuple(map(float, of_sensor)), stats)
+        mean[is_near], variance[is_near] = stats
     return mean / gain, variance / gain**2
 
 

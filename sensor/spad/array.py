@@ -218,9 +218,9 @@ def _sum_of_exposures(
     """Draw a sum and its flags (H, W), and the state of a running array after it."""
     counter, shape = sensor.counter, rate_hz.shape[-2:]
     device, sums = draw_fixed_pattern(sensor, (shape[0], shape[1])), counter.sums
-    one: dict[str, Any] = {"exposure_s": sensor.counted_s, "counter": {"sums": 1}, "lag_share": 0.0}
-    one["measured"], state = {"stuck": None}, ArrayState(pixels)
-    part, period_s = changed(sensor, **one), (draw.frame_period_s or sensor.exposure_s) / sums
+    alone = {"counter": {"sums": 1}, "lag_share": 0.0, "measured": {"stuck": None}}
+    part, state = changed(sensor, exposure_s=sensor.counted_s, **alone), ArrayState(pixels)
+    period_s = (draw.frame_period_s or sensor.exposure_s) / sums
     stream = streams.sensor_stream(draw.stream, sensor, device.dark_counts_hz)
     is_binomial = counter.capacity == 1 and sensor.has_plain_bits and device.traps is None
     open_s = part.exposure_s * open_fraction(sensor.gate, part.exposure_s)

@@ -85,8 +85,8 @@ def _draw(sensor: Sensor, shape: tuple[int, int]) -> FixedPattern:
         breakdown_v = bias.breakdown_offset(operating, shape, seed)
 
     # at the operating point
-    excess_v = operating.excess_v - warm.breakdown_shift_v
-    now = operating.model_copy(update={"excess_v": excess_v})
+    breakdown_rise_v = warm.breakdown_v_per_k * (warm.celsius - warm.reference_celsius)
+    now = operating.model_copy(update={"excess_v": operating.excess_v - breakdown_rise_v})
 
     def bias_factor(name: str, factor: bias.Dependence) -> Floats:
         dependence = partial(bias.since_measurement, factor) if name in maps else factor

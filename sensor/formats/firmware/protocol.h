@@ -1,4 +1,4 @@
-// SPADCAM's serial protocol: packets, settings and send queue, described in docs/spadcam-protocol.md.
+// SPADCAM's serial protocol: packets, settings and send queue, described in docs/reference/spadcam-protocol.md.
 // Plain C++ without Arduino, so that it can be tested on the host.
 #pragma once
 
