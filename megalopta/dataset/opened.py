@@ -1,7 +1,7 @@
 """An opened dataset: its sequences by number, name or split, and pairs of their frames."""
 
 from bisect import bisect_right
-from collections.abc import Callable, Iterator, Sequence as Listed
+from collections.abc import Iterator, Sequence as Listed
 from functools import lru_cache
 from importlib.util import find_spec
 from itertools import accumulate
@@ -19,7 +19,6 @@ from megalopta.dataset.store import Tree
 from megalopta.flow.formats import read_flo
 
 Pair = dict[str, Any]
-Form = Callable[[Pair], Pair]
 
 
 class FlowPairs:
@@ -27,18 +26,15 @@ class FlowPairs:
 
     A pair is a dictionary: `first` and `second` (C, H, W) float32, readings, or light of all bands;
     `flow` (2, H, W) float32, px, 0 where undefined; `valid` (H, W), True where defined; `occluded`
-    (H, W); `sequence`, `frame`.
+    (H, W), bool as `valid`; `sequence`, `frame`. It can be pickled.
     """
 
-    def __init__(
-        self, sequences: Listed[Sequence], exposure: str | None, step: int, form: Form = dict
-    ) -> None:
+    def __init__(self, sequences: Listed[Sequence], exposure: str | None, step: int) -> None:
         if step < 1:
             raise UserError(f"step {step}: give a whole number, 1 or more")
         for sequence in sequences:
             sequence.dataset.require_truth()
         self._sequences, self._exposure, self._step = list(sequences), exposure, step
-        self._form = form
         counts = (max(len(sequence) - step, 0) for sequence in self._sequences)
         self._ends = list(accumulate(counts))
 
@@ -62,32 +58,21 @@ class FlowPairs:
             flow = read_flo(frame("training/flow", first))
             occluded = read_codes(frame("training/occlusions", first), "L") > 0
         valid = np.asarray(~np.isnan(flow).any(axis=-1))
-        return self._form(
-            {
-                "first": _planes(frames[first]),
-                "second": _planes(frames[second]),
-                "flow": np.moveaxis(np.where(valid[..., np.newaxis], flow, 0), -1, 0),
-                "valid": valid,
-                "occluded": occluded,
-                "sequence": sequence.name,
-                "frame": first,
-            }
-        )
+        return {
+            "first": _planes(frames[first]),
+            "second": _planes(frames[second]),
+            "flow": np.moveaxis(np.where(valid[..., np.newaxis], flow, 0), -1, 0),
+            "valid": valid,
+            "occluded": occluded,
+            "sequence": sequence.name,
+            "frame": first,
+        }
 
 
 def _planes(frame: NDArray[Any]) -> NDArray[np.float32]:
     """Return a frame (H, W) or (H, W, B) as (C, H, W)."""
     planes = frame[np.newaxis] if frame.ndim == 2 else np.moveaxis(frame, -1, 0)
     return np.ascontiguousarray(planes, np.float32)
-
-
-def _tensors(pair: Pair) -> Pair:
-    import torch
-
-    return {
-        name: torch.from_numpy(np.array(value)) if isinstance(value, np.ndarray) else value
-        for name, value in pair.items()
-    }
 
 
 class OpenedDataset:
@@ -159,14 +144,24 @@ class OpenedDataset:
         sequences = list(self) if split is None else self.of_split(split)
         return FlowPairs(sequences, exposure, step)
 
-    def torch(
+    def to_torch(
         self, split: str | None = None, exposure: str | None = None, step: int = 1
     ) -> FlowPairs:
-        """Return `pairs` as tensors for a DataLoader. Raises UserError without PyTorch."""
+        """Return `pairs` as a `torch.utils.data.Dataset` of tensors, for workers as well.
+
+        Shapes and types of an item are those of FlowPairs. Raises UserError without PyTorch.
+
+            pairs = megalopta.open_dataset("DIR").to_torch("train")
+            loader = torch.utils.data.DataLoader(pairs, batch_size=4, num_workers=2)
+            for batch in loader:
+                batch["first"], batch["flow"]  # (4, 1, H, W), (4, 2, H, W)
+        """
         if find_spec("torch") is None:
             raise UserError("PyTorch is not installed; run: pip install torch")
+        from megalopta.dataset.tensors import TensorPairs
+
         sequences = list(self) if split is None else self.of_split(split)
-        return FlowPairs(sequences, exposure, step, _tensors)
+        return TensorPairs(sequences, exposure, step)
 
 
 def open_dataset(root: str | Path) -> OpenedDataset:

@@ -76,6 +76,22 @@ def test_ptlflow_reads_it(small_dataset, truth):
     np.testing.assert_array_equal(flow[valid > 0.5], truth[0][valid > 0.5])
 
 
+@pytest.mark.filterwarnings("ignore")
+def test_hugging_face_reads_tables_and_pictures(small_dataset, tmp_path):
+    datasets = pytest.importorskip("datasets")
+    index = str(small_dataset / "index/frames.parquet")
+    rows = datasets.load_dataset(
+        "parquet", data_files=index, split="train", cache_dir=str(tmp_path)
+    )
+    assert [row["frame"] for row in rows] == [1, 2, 3] * 3
+    assert (small_dataset / rows[0]["flow"]).is_file()
+    clean = str(small_dataset / "training/clean")
+    pictures = datasets.load_dataset(
+        "imagefolder", data_dir=clean, split="train", cache_dir=str(tmp_path)
+    )
+    assert [pictures[place]["image"].size for place in (0, 8)] == [(32, 24)] * 2
+
+
 @pytest.mark.filterwarnings("ignore:.*:DeprecationWarning")  # of the libraries it rests on
 def test_mlcroissant_accepts_it_and_reads_the_tables(small_dataset):
     mlcroissant = pytest.importorskip("mlcroissant")

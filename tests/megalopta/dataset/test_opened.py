@@ -116,7 +116,22 @@ def test_pairs_of_all_sequences(opened):
 
 def test_a_torch_loader_gives_batches(opened):
     torch = pytest.importorskip("torch")
-    loader = torch.utils.data.DataLoader(opened.torch(), batch_size=2, num_workers=2)
+    pairs = opened.to_torch()
+    assert isinstance(pairs, torch.utils.data.Dataset)
+    loader = torch.utils.data.DataLoader(
+        pairs, batch_size=2, num_workers=2, multiprocessing_context="spawn"
+    )
     batches = list(loader)
     assert sum(len(batch["frame"]) for batch in batches) == 6
     assert batches[0]["flow"].shape == (2, 2, 24, 32)
+    kinds = {name: value.dtype for name, value in pairs[0].items() if torch.is_tensor(value)}
+    assert kinds == {
+        **dict.fromkeys(("first", "second", "flow"), torch.float32),
+        **dict.fromkeys(("valid", "occluded"), torch.bool),
+    }
+
+
+def test_without_pytorch_it_says_what_to_install(opened, monkeypatch):
+    monkeypatch.setattr("megalopta.dataset.opened.find_spec", lambda name: None)
+    with pytest.raises(UserError, match="pip install torch"):
+        opened.to_torch()
