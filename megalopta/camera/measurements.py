@@ -49,12 +49,7 @@ def read_measurement(path: Path) -> Measurement:
         if set(_PAIR) <= set(rows[0]):
             return _pairs(rows)
         if rows[0][0] == "events":
-            lags = [[float(end) for end in text.split("-")] for text in rows[0][2:]]
-            edges = np.array([*(lag[0] for lag in lags), lags[-1][1]]) * 1e-9
-            table = np.array([[float(cell) for cell in row] for row in rows[1:]], ndmin=2)
-            if (np.diff(edges) <= 0).any() or not (table[:, 0] > 0).all():
-                raise ValueError(f"{len(table)} pixels with events, or lags that do not increase")
-            return Autocorrelation(edges, table[:, 2:], table[:, 0])
+            return _autocorrelation(rows)
         return _map(np.array([[float(cell) for cell in row] for row in rows]))
     except (ValueError, csv.Error) as problem:
         raise DamagedFileError(f"{path}: {printable(str(problem))}; {_KINDS}") from None
@@ -113,3 +108,12 @@ def _pairs(rows: Sequence[Sequence[str]]) -> PairCrosstalk:
     middle = (column + other_column) / 2
     distances = np.abs(other_row - row), np.abs(other_column - column)
     return PairCrosstalk(*distances, middle, table[:, 3], table[:, 4])
+
+
+def _autocorrelation(rows: Sequence[Sequence[str]]) -> Autocorrelation:
+    lags = [[float(end) for end in text.split("-")] for text in rows[0][2:]]
+    edges = np.array([*(lag[0] for lag in lags), lags[-1][1]]) * 1e-9
+    table = np.array([[float(cell) for cell in row] for row in rows[1:]], ndmin=2)
+    if (np.diff(edges) <= 0).any() or not (table[:, 0] > 0).all():
+        raise ValueError(f"{len(table)} pixels with events, or lags that do not increase")
+    return Autocorrelation(edges, table[:, 2:], table[:, 0])

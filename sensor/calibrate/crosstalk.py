@@ -149,7 +149,7 @@ def neighbor_kernel(recording: Statistics, good: Mask, *, is_binary: bool = Fals
     fano = float((weight * variance[good]).sum() / (weight * m).sum()) - common
     spread = 1 / np.sqrt(n * (weight * m).sum())
     left = 1.0  # 1 − p
-    for _ in range(1 if is_binary else 3):
+    for _ in range(3):
         # the kernel that produces the observed covariances
         target = seen * left**2
         relative = target / 2
@@ -162,9 +162,9 @@ def neighbor_kernel(recording: Statistics, good: Mask, *, is_binary: bool = Fals
                 relative *= 0.8 / total
             if np.abs(change).max() < 1e-7:
                 break
-        left = left if is_binary else max(fano / spread_by_talk, 1e-9) ** -0.5
-    if is_binary:
-        return Kernel(relative, error, np.nan, np.nan)
+        if is_binary:
+            return Kernel(relative, error, np.nan, np.nan)
+        left = max(fano / spread_by_talk, 1e-9) ** -0.5
     return Kernel(relative * left, error * left**3, float(1 - left), float(0.5 * spread * left**3))
 
 

@@ -239,9 +239,8 @@ def check_patterns(
         simple = max(fits, key=lambda fit: fit.gain * (fit.part != "surface"))
         best = simple if simple.gain > 0.85 * best.gain - 10 else best
         size = float(np.ptp(np.append(best.surface, 0.0)))
-        if best.gain < max(_LEAST_GAIN, least_gain) or size < (
-            0.02 if best.quantity == "offset" else 0.005
-        ):
+        least_size = 0.02 if best.quantity == "offset" else 0.005
+        if best.gain < max(_LEAST_GAIN, least_gain) or size < least_size:
             break
         if accepted and best.gain < _MINOR * accepted[0].gain:
             break
