@@ -165,12 +165,10 @@ class Film(frames.Footage):
         if self._container is not None:
             self._container.close()
         self._file.seek(0)
+        # Titles may be in any encoding, which PyAV allows by itself from 19 on.
+        lenient = {"metadata_errors": "replace"} if int(av.__version__.split(".")[0]) < 19 else {}
         self._container = av.open(
-            self._file,
-            "r",
-            format=self._demuxer,
-            buffer_size=2**20,
-            metadata_errors="replace",  # titles may be in any encoding
+            self._file, "r", format=self._demuxer, buffer_size=2**20, **lenient
         )
         film = self._container.streams.best("video")
         if film is None or "attached_pic" in str(film.disposition):
@@ -241,7 +239,7 @@ class Film(frames.Footage):
             yield f"frames are turned as stated by {self.path}, by {degrees}° to the left"
         if any(component.is_alpha for component in first.format.components):
             yield f"the transparency of {self.path} is ignored"
-        names = [data.type.name for data in first.side_data]
+        names = [first.side_data[i].type.name for i in range(len(first.side_data))]
         yield from frames.unused(self.path, {name: "" for name in names if name in _TOLD})
         if first.interlaced_frame:
             yield f"{self.path} is interlaced: each frame holds two moments; deinterlace it first"
