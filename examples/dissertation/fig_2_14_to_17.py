@@ -4,7 +4,8 @@ Figures 2.14 to 2.17: an edge crosses SPADCAM
 
 The edge of a plate moves by 1 mm/s across a row of 12 pooled pixels, with the noise of the light
 alone and with the model of SPADCAM: frames, responses of NDM and NDS, and one pixel with its
-detectors while the edge passes and returns. ``megalopta spadcam figures`` draws recordings.
+detectors while the edge passes and returns. Printed counts are means over all rows, ± σ of a row.
+``megalopta spadcam figures`` draws recordings.
 """
 
 import matplotlib.pyplot as plt
@@ -15,7 +16,8 @@ from megalopta.camera.motion_bench import FRAME_RATE_HZ, FRAMES, SENSORS, detect
 SPEED_MM_S, SHOWN = 1.0, 4
 figure, panels = plt.subplots(2, 4, figsize=(13, 8), layout="constrained")
 for (left, middle, right, below), (name, sensor) in zip(panels, SENSORS.items(), strict=True):
-    row = pooled(record(SPEED_MM_S, sensor).counts)[:, 0]  # (2·FRAMES, 12)
+    rows = pooled(record(SPEED_MM_S, sensor).counts)  # (2·FRAMES, recordings·rows, 12)
+    row = rows[:, 0]
     responses = {
         method: detector(method).respond(row[:, np.newaxis])[:, 0, 1:-1]
         for method in ("NDM", "NDS")
@@ -30,6 +32,10 @@ for (left, middle, right, below), (name, sensor) in zip(panels, SENSORS.items(),
     for label, curve in curves.items():
         below.plot(time_s, curve / curve.max(), label=label)
     below.set(title=f"2.17: {name}", xlabel="time (s)", ylabel="share of largest")
-    print(f"{name}: first and last mean of the frames {row[0].mean():.0f}, {row[31].mean():.0f}")
+    levels = {"open": (rows[0], 65), "hidden": (rows[FRAMES - 1], 27)}
+    for state, (pixels, stated) in levels.items():
+        means = pixels.mean(axis=1)
+        print(f"{state} counts per pixel and frame: dissertation about {stated};", end=" ")
+        print(f"here, {name}, {means.mean():.1f} ± {means.std():.1f}")
 panels[0, 3].legend()
 plt.show()

@@ -36,9 +36,10 @@ for axes, step_v in zip(panels, (10e-3, 30e-3), strict=True):
         if column < 4:
             axes.step(1e3 * time_s, output_v, where="post", label=f"pixel {column}")
     axes.set(title=f"steps of {1e3 * step_v:g} mV", xlabel="time since reset (ms)")
-    least, fall_mv = np.floor(1e5 * min(straightness)) / 1e5, 1e3 * np.mean(falls_v)
-    print(f"{1e3 * step_v:g} mV: fall per event {fall_mv:.2f} mV; least R² over events {least:.5f}")
-print("printed: about 10 and 30 mV; R² above 0.99")
+    fall_mv, sigma_mv = 1e3 * np.mean(falls_v), 1e3 * np.std(falls_v)
+    name, least = f"{1e3 * step_v:g} mV", np.floor(1e5 * min(straightness)) / 1e5
+    print(f"fall per event: dissertation about {name}; here {fall_mv:.3f} ± {sigma_mv:.3f} mV")
+    print(f"R² over events, {name}: dissertation > 0.99; here ≥ {least} in all {ROW[1]} pixels")
 panels[0].set_ylabel("output (V)")
 panels[0].legend()
 plt.show()

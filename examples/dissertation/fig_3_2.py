@@ -20,12 +20,15 @@ for gain_db in range(40, 91, 10):
     end_s = float(discharge_time(pixel, 0.0, SWING_V))
     time_s = np.linspace(0, min(end_s, 0.09), 181)
     plt.plot(1e3 * time_s, SWING_V - discharge(pixel, 0.0, time_s), label=f"{gain_db} dB")
-    print(f"{gain_db} dB: {1e3 * end_s:.1f} ms from reset to the lower rail")
-for decibels, printed in ((40.0, "33 mV"), (100.0, "33 µV")):
-    moved_v = SWING_V / gain_from_db(decibels)
-    print(f"motion of the input at {decibels:g} dB: {1e6 * moved_v:.0f} µV; printed: {printed}")
-growth = reverse_current(diode, 1e-3 + SWING_V / 100) / reverse_current(diode, 1e-3)
-print(f"growth of the dark current at 40 dB: {growth:.0f} times")
+    print(f"{gain_db} dB: here {1e3 * end_s:.1f} ms from reset to the lower rail, exact")
+for decibels, stated in ((40.0, "33 mV"), (100.0, "33 µV")):
+    moved_uv = 1e6 * SWING_V / gain_from_db(decibels)
+    print(f"input moves, {decibels:g} dB: dissertation {stated}; here {moved_uv:.0f} µV, exact")
+for sign, kind in ((1, "reverse"), (-1, "forward")):
+    far_a, near_a = (reverse_current(diode, sign * volts) for volts in (10e-3, 1e-3))
+    print(
+        f"current at 10 mV over that at 1 mV: dissertation > 10; here {far_a / near_a:.1f}, {kind}"
+    )
 plt.xlabel("time (ms)")
 plt.ylabel("output (V)")
 plt.legend(title="open-loop gain")

@@ -20,14 +20,14 @@ step_v = DacBias().step_v
 bias_v = (np.unique(np.rint(np.geomspace(1, 1.2 / step_v, 40) - 0.5)) + 0.5) * step_v
 figure, panels = plt.subplots(2, 2, figsize=(11, 8), layout="constrained")
 DIODES = {"ingaas_quiet": ((150e-12, 600e-12), 40.0), "si": ((5e-12, 20e-12), 30.0)}
-for (left, right), (name, (leds_a, printed_db)) in zip(panels, DIODES.items(), strict=True):
+for (left, right), (name, (leds_a, stated_db)) in zip(panels, DIODES.items(), strict=True):
     diode = PHOTODIODES[name]
 
     def estimate_a(volts: np.ndarray, light_a: float, diode=diode) -> np.ndarray:  # type: ignore[no-untyped-def]
         """Estimated current of the fabricated pixel (10 pF, 130 dB)."""
         return estimate_current(Pixel(diode, 10e-12, 3.3, gain_from_db(130.0), volts), light_a)
 
-    def missing(error_v: float, diode=diode, rise=10 ** (printed_db / 20)) -> float:  # type: ignore[no-untyped-def]
+    def missing(error_v: float, diode=diode, rise=10 ** (stated_db / 20)) -> float:  # type: ignore[no-untyped-def]
         far_a, near_a = (reverse_current(diode, read - error_v) for read in (20e-3, 1e-3))
         return float(far_a - rise * near_a)
 
@@ -44,6 +44,7 @@ for (left, right), (name, (leds_a, printed_db)) in zip(panels, DIODES.items(), s
     left.set(title=name, xlabel="reverse bias (mV)", ylabel="estimated current (A)")
     right.set(title=f"bias reads {1e3 * error_v:.2f} mV high (dashed)", ylabel="SNR (dB)")
     rise_db = -20 * np.diff(np.log10(estimate_a(np.array([20e-3, 1e-3]), 0.0)))[0]
-    print(f"{name}: rise of the SNR from 20 to 1 mV {rise_db:.1f} dB; printed: {printed_db:g} dB")
+    print(f"SNR, 20 to 1 mV, {name}: dissertation {stated_db:g} dB; here {rise_db:.1f} dB, exact,")
+    print(f"    and {stated_db:g} dB if the bias reads {1e3 * error_v:.2f} mV high")
 panels[0, 0].legend()
 plt.show()

@@ -1,7 +1,6 @@
-"""Power spectra of templates.
+"""Power spectra of images.
 
-A template (rows, columns) is a full turn: periodic in columns, not in rows. Natural scenes
-have power spectra that fall about as the square of frequency (Ruderman and Bialek, Phys. Rev. Lett.
+Those of natural scenes fall about as the square of frequency (Ruderman and Bialek, Phys. Rev. Lett.
 73, 814, 1994).
 """
 
@@ -11,18 +10,6 @@ from megalopta.core.arrays import Floats
 
 _FIT_CYCLES_PER_PX = (0.02, 0.3)
 _RINGS = 24
-
-
-def power_spectrum(template: Floats) -> tuple[Floats, Floats]:
-    """Radial frequencies (cycles/px), (N,), and mean power over their rings, of mean 1.
-
-    Rows have a Hann window; columns are periodic.
-    """
-    rows, columns = template.shape
-    window = np.hanning(rows + 2)[1:-1, np.newaxis]
-    centered = template / template.mean() - 1
-    power = np.abs(np.fft.rfft2(centered * window)) ** 2 / (columns * np.sum(window**2))
-    return ring_means(power, columns)
 
 
 def ring_means(power: Floats, columns: int) -> tuple[Floats, Floats]:

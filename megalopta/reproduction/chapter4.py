@@ -50,26 +50,13 @@ NOTE = (
     "f and velocities v (synthetic), or over all velocities with and without motion blur, mean of "
     "the forests (natural; photo: in gray values). Ranges: 95 % CI of the named experiment, "
     "which is not one of the least of many, or range over the forests. Σ|Δ|/Σ|R|: N_2b by the "
-    "quotient of means, which does not divide by responses near zero."
+    "quotient of means, which does not divide by responses near zero. docs/results/dissertation.md "
+    "says why values differ."
 )
 _SUMMARY = (
     "Chapter 4 of the dissertation, measured again: N_2b, the photons per frame at which the error "
     "by photon noise falls to 25 %."
 )
-_DIFFERENT = {
-    "The numbers to the digit": "The text does not state how filters are discretized, whether NDM "
-    "is rectified, which blocks and frames are scored, and how a curve is interpolated. These "
-    "choices were made afterwards, from about fifteen variants.",
-    "The natural column": "The photographs came from the web and are not published. Forests "
-    "rendered by this project replace them, with the same fields of view; the rows “photo” use "
-    "their gray values.",
-    "Single velocities of IIA": "Interpolation between whole pixels is nearly exact only where the "
-    "shift is nearly one pixel of the resized frames.",
-    "EMD on natural scenes": "Eq. 4.5 divides by the ideal response of every pixel, and "
-    "EMD's passes through zero: the mean has no limit.",
-    "Points of BM without N_2b": "At low velocities BM gives zero in most blocks of the clean "
-    "frames, and its error is 0/0.",
-}
 
 
 @cache
@@ -190,7 +177,6 @@ def _write_page(out: Path, rows: pd.DataFrame, names: Sequence[str], is_quick: b
     ]
     page = [
         Section("Table 4.1", NOTE, head, lines),
-        Section("Differences", "", ("", "Reason"), tuple(_DIFFERENT.items())),
         Section("Figures", body=sections.block("charts", *pictures)) if pictures else None,
     ]
     quick = " Quick form: fewer values, sizes and forests than in the dissertation."
