@@ -27,7 +27,7 @@ exclude_patterns = [
     "example_device",
     "public_arrays",
     "extensions",
-    "generated/gallery/*.ipynb",
+    "generated/gallery/**.ipynb",
     "generated/dissertation/*.ipynb",
 ]
 templates_path = []
@@ -65,5 +65,7 @@ sphinx_gallery_conf = {
     "write_computation_times": False,
     "remove_config_comments": True,
     "abort_on_example_error": True,
-    "reset_modules": ("matplotlib", "website.use_palette"),
+    "reset_modules": ("matplotlib", "website.use_style"),
+    "within_subsection_order": "FileNameSortKey",
+    "thumbnail_size": (640, 360),
 }

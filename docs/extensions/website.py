@@ -1,4 +1,4 @@
-"""Parts of the site: MathML without scripts, notebooks as pages, keyboards, colors of curves."""
+"""Parts of the site: MathML without scripts, notebooks as pages, keyboards, style of figures."""
 
 import json
 import re
@@ -6,17 +6,14 @@ from html import escape
 from pathlib import Path
 from typing import Any
 
-import matplotlib
-from cycler import cycler
 from docutils.nodes import SkipNode, document, math, math_block
 from docutils.utils.math import MathError
 from docutils.utils.math.latex2mathml import tex2mathml
+from matplotlib import style
 from myst_parser.parsers.sphinx_ import MystParser
 from sphinx.application import Sphinx
 from sphinx.util.logging import getLogger
 from sphinx.writers.html5 import HTML5Translator
-
-from megalopta.report.style import PALETTE
 
 LOGGER = getLogger(__name__)
 # Code and tables scroll sideways, and by keyboard where they can be reached.
@@ -51,9 +48,9 @@ def setup(app: Sphinx) -> dict[str, bool]:
     return {"parallel_read_safe": True, "parallel_write_safe": True}
 
 
-def use_palette(gallery_conf: dict[str, Any], name: str) -> None:
-    """Set the colors of curves before a script of the gallery runs; sphinx-gallery calls this."""
-    matplotlib.rcParams["axes.prop_cycle"] = cycler(color=PALETTE)
+def use_style(gallery_conf: dict[str, Any], name: str) -> None:
+    """Set the style of figures before a script of the gallery runs; sphinx-gallery calls this."""
+    style.use("megalopta.report.house")
 
 
 def _equation(translator: HTML5Translator, node: math | math_block) -> None:

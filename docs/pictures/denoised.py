@@ -1,4 +1,4 @@
-"""Rendered views for flight.py, gallery.py and views.py, denoised for display, and their counts.
+"""Rendered views for flight.py and views.py, denoised for display, and their counts.
 
 Intel Open Image Denoise (`pip install pyoidn`) estimates the light, guided by the albedo, which is
 known without noise. The estimate is biased, so it is never data: counts come from the light as

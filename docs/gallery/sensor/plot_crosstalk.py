@@ -22,6 +22,7 @@ light[:, 7, 7] = 5e6
 counts = expose_rate(light, sensor, seed=0, stream="one").counts.mean(axis=0)
 
 plt.imshow(np.maximum(counts, 1e-2), norm=LogNorm(1e-2, counts.max()))
+plt.grid(visible=False)
 plt.colorbar(label="mean counts in 1 ms")
 plt.xlabel("column")
 plt.ylabel("row")

@@ -19,6 +19,7 @@ figure, (image, histogram) = plt.subplots(1, 2, figsize=(9, 3.5), layout="constr
 shown = image.imshow(rates_hz[:32, :32])
 figure.colorbar(shown, ax=image, label="dark counts (Hz)")
 image.set(xlabel="column", ylabel="row")
+image.grid(visible=False)
 histogram.hist(rates_hz.ravel(), np.geomspace(20, 4000, 60))
 histogram.set_xscale("log")
 histogram.set_xlabel("dark counts (Hz)")
