@@ -8,7 +8,10 @@ export PIP_DISABLE_PIP_VERSION_CHECK := 1
 # Tests start some fifty processes, each of which would compile the package anew without bytecode.
 export PYTHONDONTWRITEBYTECODE :=
 
+include benchmarks/results.mk
+
 .PHONY: install demo test test-slow test-scalar test-all lint types docs pictures bench clean
+.DEFAULT_GOAL := install
 
 install: $(VENV)/installed
 

@@ -21,7 +21,7 @@ for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS"):
 sys.path.insert(0, str(Path(__file__).parents[1]))
 from tests.sensor.compare import composed  # noqa: E402
 
-OUTCOMES = "right", "none", "vague", "silent", "wrong"
+OUTCOMES = "right", "none", "wrong", "vague", "silent"
 
 
 def run(task):
@@ -49,11 +49,11 @@ def interval(successes, trials):
 
 
 def row(title, outcomes):
-    """One line of the table."""
+    """Return a line of the table in docs/how-to/spadcam.md: counts, and the share without error."""
     counts, n = Counter(outcomes), len(outcomes)
-    shares = "".join(f"{100 * counts[name] / n:5.0f} % |" for name in OUTCOMES)
     kept = counts["right"] + counts["none"]
-    return f"| {title} | {n} |{shares} {100 * kept / n:.0f} % ({interval(kept, n)}) |"
+    cells = *(counts[name] for name in OUTCOMES), f"{100 * kept / n:.0f} % ({interval(kept, n)})"
+    return f"| {n} {title} | {' | '.join(map(str, cells))} |"
 
 
 def tasks(arguments):
@@ -102,8 +102,8 @@ def main():
             groups["strength", composed.STRENGTHS[strength]].append(outcome)
             groups["camera", faults[0].camera].append(outcome)
             groups["what", faults[0].what].append(outcome)
-    print("| faults | n | right | none | vague | silent | wrong | right or none |")
-    print("|---|---|---|---|---|---|---|---|")
+    print("| recordings | right | none | wrong | vague | silent | right or none |")
+    print("|---|---|---|---|---|---|---|")
     alarms = groups.pop("identical", [])
     for title, outcomes in sorted(groups.items()):
         print(row(", ".join(title), outcomes))

@@ -1,4 +1,4 @@
-"""What a dataset of many sequences costs here, and what it would cost at any size.
+"""What a dataset of many sequences costs.
 
 Overhead: a forest sequence is made by one core, as a worker has it, while the baking of light, ray
 tracing, truth rays and the drawing of photons are timed; whatever else the wall clock saw is
@@ -27,13 +27,11 @@ from pathlib import Path
 from typing import Any
 
 from megalopta.config.recipe import Plan
-from megalopta.dataset.index import write_index
 from megalopta.dataset.store import Tree
 from megalopta.stages.make import make
 
 OVERHEAD_REQUIRED, GAIN_REQUIRED, GROWTH_ALLOWED = 0.10, 1.7, 0.05
 _TRACED = "baked light", "ray tracing", "truth rays", "photon drawing"
-SIZES = (10_000, 1_000_000)
 SENSORS: dict[str, Any] = {"sensors": ("spadcam", "ideal"), "light_levels": ("twilight",)}
 FOREST = Plan(
     sequences=1,
@@ -109,16 +107,7 @@ def overhead(folder: Path) -> dict[str, Any]:
     start, cpu = time.perf_counter(), time.process_time()
     tree = make(folder, FOREST)
     total, cpu = time.perf_counter() - start, time.process_time() - cpu
-    start = time.perf_counter()
-    write_index(tree, tree.plan)
-    index = time.perf_counter() - start
-    return {
-        "total": total,
-        "cpu": cpu,
-        "index": index,
-        **clock.seconds,
-        "bytes": bytes_by_product(tree),
-    }
+    return {"total": total, "cpu": cpu, **clock.seconds, "bytes": bytes_by_product(tree)}
 
 
 def bytes_by_product(tree: Tree) -> dict[str, float]:
@@ -167,8 +156,8 @@ def run_part(name: str, *numbers: str) -> None:
         print(json.dumps(part(Path(folder) / "data", *map(int, numbers))))
 
 
-def show_costs(costs: dict[str, Any]) -> float:
-    """Print shares of the time; return bytes a frame."""
+def show_costs(costs: dict[str, Any]) -> None:
+    """Print shares of the time, and bytes a frame."""
     parts = {name: costs[name] for name in _TRACED}
     rest = costs["total"] - sum(parts.values())
     share = rest / costs["total"]
@@ -181,28 +170,6 @@ def show_costs(costs: dict[str, Any]) -> float:
     print("bytes a frame by product:")
     for name, size in sorted(costs["bytes"].items(), key=lambda each: -each[1]):
         print(f"  {name:24} {size / 1e3:9.1f} kB")
-    return float(sum(costs["bytes"].values()))
-
-
-def show_sizes(costs: dict[str, Any], bytes_a_frame: float) -> None:
-    """Print what many sequences would take."""
-    frames = FOREST.every["trajectory"]["frames"]
-    cores = os.cpu_count() or 1
-    print(
-        f"assumed: sequences like the forest's ({frames} frames of "
-        f"{FOREST.every['camera']['width']} × {FOREST.every['camera']['height']} px, 7 bands, 2 "
-        f"exposures), {costs['total']:.0f} s of a core each with LLVM, {cores} workers; machines "
-        "like this one, each with its own sequences; a file system that takes a whole tree; the "
-        "index written once, at the end"
-    )
-    print("sequences   frames       TB   core-hours   days on 1 / 32 machines   index (h)")
-    for count in SIZES:
-        hours = count * costs["total"] / 3600
-        print(
-            f"{count:9,} {count * frames:9,} {count * frames * bytes_a_frame / 1e12:8.2f} "
-            f"{hours:12,.0f} {hours / 24 / cores:14,.1f} / {hours / 24 / cores / 32:,.2f} "
-            f"{count * costs['index'] / 3600:15.2f}"
-        )
 
 
 def main() -> None:
@@ -210,7 +177,7 @@ def main() -> None:
         cache = Path(folder)
         print("a forest sequence:", flush=True)
         costs = measured(cache, "overhead")
-        bytes_a_frame = show_costs(costs)
+        show_costs(costs)
         peaks = {
             name: measured(cache, "peak", *map(str, case))["mb"] for name, case in CASES.items()
         }
@@ -227,7 +194,6 @@ def main() -> None:
             f"scalar mode, a core a worker: {rates[0]:,.0f} frames per hour by 1 worker, "
             f"{rates[1]:,.0f} by 2: {gain:.2f} times (required: {GAIN_REQUIRED:g})"
         )
-        show_sizes(costs, bytes_a_frame)
 
 
 if __name__ == "__main__":

@@ -55,7 +55,7 @@ from megalopta.sensor import (
 from megalopta.sensor.calibrate.counts import summed
 from megalopta.sensor.calibrate.level import Level
 from megalopta.sensor.compare.model import Model
-from megalopta.sensor.compare.recordings import compare_recordings
+from megalopta.sensor.compare.recordings import compare_levels
 from megalopta.sensor.formats.events import EventOrigin, write_events_hdf5
 from megalopta.sensor.frame.exposure import expose_frames as expose_camera
 from megalopta.sensor.sampling.poisson import fill_bits
@@ -246,7 +246,7 @@ def comparison_over_numpy() -> float:
                 frames[start : start + 50] = drawn.counts
             levels.append(Level(frames, sensor.exposure_s, 1e6 * number))
         model = Model(device, rates)
-        compare = lambda: compare_recordings(levels, model.drawn(levels, 0), model)  # noqa: E731
+        compare = lambda: compare_levels(levels, model.drawn(levels, 0), model)  # noqa: E731
         numpy = lambda: [(level.readings.mean(0), level.readings.var(0)) for level in levels]  # noqa: E731
         return timed(compare, time.process_time) / timed(numpy, time.process_time)
 

@@ -1,7 +1,8 @@
 """Errors of whole-frame methods on scenes of this project.
 
-`python benchmarks/boards.py OUT.csv` has undisturbed light, `… OUT.csv ramp20 shadow` also these
-disturbances (`megalopta.benchmark.disturbances`).
+`python benchmarks/boards.py OUT.csv ramp20 shadow` measures undisturbed light and, if named, these
+disturbances (`megalopta.benchmark.disturbances`), and prints both tables of
+docs/results/whole-frames.md.
 
 Four sets: dead leaves in affine motion with three disks in front, views of the shipped forest
 panoramas from a camera that turns, pictures of scikit-image in layers whose disks move by up to
@@ -13,6 +14,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import tune
 from skimage import data
 
@@ -21,13 +23,15 @@ from megalopta.assets_gen.surface_textures import dead_leaves
 from megalopta.benchmark.clips import FlowClip
 from megalopta.benchmark.disturbances import disturbance
 from megalopta.benchmark.panoramas import NATURAL_PANORAMAS, natural_template
-from megalopta.benchmark.whole_frames import frame_errors, verdicts, write_board
+from megalopta.benchmark.table import FAR, MEAN, MEDIAN
+from megalopta.benchmark.whole_frames import UNDISTURBED, frame_errors, write_board
 from megalopta.flow.stimuli.known_flow import Layer, MovingLayers
 from megalopta.scenes.spectra.color import LUMINANCE_SHARES, linear_of_srgb
 
-METHODS = ("PF", "PF-fast", "DeepFlow √", "DIS √", "RLOF tuned", "PCAFlow tuned", "zero")
+METHODS = "PF", "PF-fast", "DeepFlow √", "DIS √"
 PHOTONS_PER_PX = (1, 10, 100, 1000)
 SHAPE = tune.SHAPE = (240, 240)
+BAR = "\xa0\\|\xa0"
 
 
 def clips() -> Iterator[FlowClip]:
@@ -68,11 +72,46 @@ def clip(name: str, scene: MovingLayers, set_name: str) -> FlowClip:
     return FlowClip(name, light / light.mean(), scene.flow(SHAPE, 0), set_name=set_name)
 
 
+def print_sets(errors: pd.DataFrame) -> None:
+    """Print mean, median and share beyond 3 px by set, method and photons; the lowest are bold."""
+    for name, pairs in [("all", errors), *errors.groupby("set", sort=False)]:
+        means = pairs.groupby(["photons", "method"])[[MEAN, MEDIAN, FAR]].mean()
+        lowest, label = means.groupby("photons").min(), f" {name}, {pairs['unit'].nunique()}"
+        for method in METHODS:
+            cells = [
+                BAR.join(
+                    cell(means.loc[(photons, method), of], lowest.loc[photons, of], form)
+                    for of, form in ((MEAN, "{:.2f}"), (MEDIAN, "{:.2f}"), (FAR, "{:.0%}"))
+                )
+                for photons in PHOTONS_PER_PX
+            ]
+            print(f"|{label} | {method} | {' | '.join(cells)} |".replace("%", ""))
+            label = ""
+
+
+def print_disturbed(errors: pd.DataFrame) -> None:
+    """Print the mean errors of the slower methods by disturbance and photons."""
+    for name, pairs in errors[errors["method"] != "PF-fast"].groupby("group", sort=False):
+        means = pairs.groupby(["photons", "method"], sort=False)[MEAN].mean().unstack()
+        cells = [
+            BAR.join(cell(value, row.min(), "{:.2f}") for value in row)
+            for _, row in means.iterrows()
+        ]
+        print(f"| {name} | {' | '.join(cells)} |")
+
+
+def cell(value: float, lowest: float, form: str) -> str:
+    """Format a value, bold if no other is lower."""
+    return f"**{form.format(value)}**" if value == lowest else form.format(value)
+
+
 def main(path: str, *disturbances: str) -> None:
     chosen = list(map(disturbance, disturbances))
     board = frame_errors(list(clips()), METHODS, PHOTONS_PER_PX, disturbances=chosen)
     write_board(Path(path), board)
-    print(*verdicts(board), sep="\n")
+    errors = board.by_scene
+    print_sets(errors[errors["group"] == UNDISTURBED])
+    print_disturbed(errors)
 
 
 if __name__ == "__main__":

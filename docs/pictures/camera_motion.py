@@ -83,6 +83,7 @@ with house_style():
         left.loglog(FLUXES, yaw_percent, label=name, **look)
         heading = [np.median(angles[name, flux] or np.nan) for flux in FLUXES]
         right.loglog(FLUXES, heading, **look)
+        print(name, "yaw rate, %:", *yaw_percent.round(1), "heading, °:", *np.round(heading, 1))
     left.set(xlabel="photons per pixel", title="error of the yaw rate (%)")
     right.set(xlabel="photons per pixel", title="error of the heading (°)")
     for axes in (left, right):

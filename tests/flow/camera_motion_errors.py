@@ -1,4 +1,4 @@
-"""Print true and stated errors of the camera's motion: the table of docs/theory/camera-motion.md.
+"""Print true and stated errors of the camera's motion: the table of docs/results/camera-motion.md.
 
 python tests/flow/camera_motion_errors.py FIRST COUNT PHOTONS...
 """
@@ -31,7 +31,6 @@ def window(seed, trunk):
 
 
 first, count, *photons = map(int, sys.argv[1:])
-print("trunk, photons: true and stated RMS and median, °: rotation, heading; % within 1, 2, 3")
 for trunk in ("moves", "rests", "none"):
     for level in photons:
         errors = []
@@ -46,4 +45,5 @@ for trunk in ("moves", "rests", "none"):
         rms, median = np.sqrt(both.mean(axis=-1)), np.sqrt(np.median(both, axis=-1))
         largest = np.sqrt((squares[0] / squares[1]).max(axis=-1))
         within = [100 * (largest < limit).mean() for limit in (1, 2, 3)]
-        print(trunk, level, *np.round((rms, median), 2).ravel(), *np.round(within))
+        form, rows = "{:.3g}°, {:.3g}° ({:.3g}°, {:.3g}°)", np.hstack((rms, median))
+        print("|", trunk, "|", level, *(f"| {form.format(*row)}" for row in rows), "|", *within)
