@@ -1,10 +1,24 @@
+from .calibrate.counts import (
+    CountingDevice as CountingDevice,
+    Summed as Summed,
+    Switching as Switching,
+    calibrate_counts as calibrate_counts,
+    summed as summed,
+    summed_bits as summed_bits,
+)
 from .calibrate.crosstalk import (
+    Kernel as Kernel,
     PairCrosstalk as PairCrosstalk,
     crosstalk_of_hot_pixels as crosstalk_of_hot_pixels,
     fit_crosstalk as fit_crosstalk,
     kernel_of as kernel_of,
 )
+from .calibrate.device import AnalogDevice as AnalogDevice, calibrate_device as calibrate_device
 from .calibrate.emva import device_emva as device_emva
+from .calibrate.level import Level as Level
+from .calibrate.misfit import Misfit as Misfit
+from .calibrate.pixels import Estimate as Estimate
+from .calibrate.recovery import DeadTimeEstimate as DeadTimeEstimate, Recovery as Recovery
 from .calibrate.time_tags import (
     Autocorrelation as Autocorrelation,
     afterpulses_between as afterpulses_between,
@@ -14,6 +28,12 @@ from .calibrate.time_tags import (
     fit_table as fit_table,
 )
 from .change import changed as changed
+from .compare.causes import Causes as Causes, Explanation as Explanation
+from .compare.faults import Arrangement as Arrangement, Fault as Fault
+from .compare.left import Left as Left
+from .compare.model import level_of_codes as level_of_codes
+from .compare.recordings import Comparison as Comparison, compare_recordings as compare_recordings
+from .compare.two_sample import Difference as Difference, PixelTest as PixelTest
 from .contrast.model import ContrastSensor as ContrastSensor
 from .ctia.bias import (
     DacBias as DacBias,

@@ -23,7 +23,7 @@ TOPICS: dict[str, dict[str, tuple[str, ...]]] = {
     },
     "megalopta.scenes": {
         "Scenes": ("base", "build", "scene", "forest.", "meshes.", "moving_objects", "stimuli."),
-        "Light and pictures": ("light", "tone_mapping"),
+        "Light and pictures": ("light", "levels", "tone_mapping"),
         "Cameras and motion": ("cameras.", "trajectories.", "shutter", "imu"),
     },
     "megalopta.render": {
@@ -38,6 +38,7 @@ TOPICS: dict[str, dict[str, tuple[str, ...]]] = {
         "Effects of avalanches": ("effects.",),
         "CTIA arrays": ("ctia.",),
         "Calibration": ("calibrate.",),
+        "Comparison": ("compare.",),
         "Files": ("formats.",),
     },
     "megalopta.flow": {

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from statistics import mode
 from typing import Any
 
 import numpy as np
@@ -15,12 +16,12 @@ from megalopta.camera.sources import Beam, Source, read_recorded
 from megalopta.core import files, strict_yaml
 from megalopta.core.arrays import Floats
 from megalopta.core.errors import UserError, refused_as
-from megalopta.core.progress import step
+from megalopta.core.progress import say, step
 from megalopta.core.quantities import number
 from megalopta.report.sections import Section
 from megalopta.sensor import Afterpulsing, AnalogCounter, Crosstalk, Sensor, preset
 from megalopta.sensor.calibrate import counts, crosstalk as estimates
-from megalopta.sensor.calibrate.device import Device, calibrate_device
+from megalopta.sensor.calibrate.device import AnalogDevice, calibrate_device
 from megalopta.sensor.calibrate.emva import Step
 from megalopta.sensor.calibrate.level import Level
 from megalopta.sensor.calibrate.pixels import Estimate
@@ -49,17 +50,22 @@ class Calibration:
 
 
 def calibrate_recordings(
-    sources: Sequence[Source], out: Path, *, beam: Beam, base: str = "spadcam"
+    sources: Sequence[Source], out: Path, *, beam: Beam, base: str | None = None
 ) -> str:
     """Write a device file, its maps and its page; return a summary in a sentence.
 
-    Raises UserError if a recording cannot be read, or all of them do not suffice for a calibration.
+    `base` is the preset; None: spadcam for its recordings, else ideal. Raises UserError if a
+    recording cannot be read, or all of them do not suffice for a calibration.
     """
     if out.suffix not in (".yaml", ".yml"):
         raise UserError(f"--out {out}: give the name of a .yaml file")
     kinds = {is_recording(source.path) for source in sources}
     if len(kinds) > 1:
         raise UserError("calibrate: recordings of SPADCAM and of others; give those of one camera")
+    maps = out.with_suffix("").absolute()
+    if any(maps in (path := source.path.absolute(), *path.parents) for source in sources):
+        raise UserError(f"--out {out}: its maps would lie among recordings; choose another name")
+    base = base or ("spadcam" if True in kinds else "ideal")
     calibration_of = _of_recorded_codes if True in kinds else _of_recorded_counts
     with refused_as("calibrate"), step(f"estimating pixels from {len(sources)} recordings"):
         calibration, shape, steps = calibration_of(sources, beam, preset(base))
@@ -138,8 +144,6 @@ def _of_recorded_codes(sources: Sequence[Source], beam: Beam, sensor: Sensor) ->
     if not isinstance(counter, AnalogCounter) or counter.adc_bits is None:
         raise ValueError(f"{sensor.name}: no analog counter with an ADC; choose spadcam")
     for source in sources:
-        if source.sums:
-            raise ValueError("sums: of recordings of SPADCAM; omit it, or give a file of sums")
         recording, light_hz = read_recorded(source), beam.photons_hz(source.light, sensor)
         assert recording.codes is not None
         level = Level(recording.codes, source.exposure_s or recording.exposure_s, light_hz)
@@ -153,21 +157,52 @@ def _of_recorded_counts(sources: Sequence[Source], beam: Beam, sensor: Sensor) -
     levels, steps = [], []
     for source in sources:
         recorded, light_hz = read_recorded(source), beam.photons_hz(source.light, sensor)
-        conditions = recorded.exposure_s, light_hz
+        exposure_s = recorded.exposure_s / (source.sums or 1)
         with refused_as(str(source.path)):
-            if source.sums and recorded.is_binary:
-                raise ValueError(f"sums: {source.sums}, but its frames are bits; omit sums")
             if source.sums:
-                level = counts.summed_bits(recorded.counts, source.sums, *conditions)
+                level = counts.summed_bits(recorded.counts, source.sums, exposure_s, light_hz)
             else:
-                level = counts.summed(recorded.counts, *conditions, is_binary=recorded.is_binary)
+                level = counts.summed(
+                    recorded.counts, exposure_s, light_hz, is_binary=recorded.is_binary
+                )
         levels.append(level)
         photons, of = level.light_hz * level.exposure_s, level.of
         steps.append((level.exposure_s, Step(photons, of.mean, of.variance, of.frames)))
+    if bits := _summed_bits(levels):
+        say(
+            f"readings scatter as sums of about {bits} binary frames do: if they are, state their "
+            "number as sums, and the exposure of one of them, in recording.yaml"
+        )
     device = counts.calibrate_counts(levels, sensor.dead_time)
     if device.dark_counts_hz is None and device.efficiency is None:
         raise ValueError(pages.reasons(device))
-    return calibration_of(device, sensor, beam.wavelength_nm), device.bad.shape, steps
+    calibration = calibration_of(device, sensor, beam.wavelength_nm)
+    if len(summed := {source.sums or 1 for source in sources}) == 1:
+        (sums,) = summed
+        lit = [level.exposure_s for level in levels if level.light_hz] or [levels[0].exposure_s]
+        calibration.fields["exposure_s"] = sums * mode(lit)
+        calibration.fields["counter"] |= {"sums": sums} if sums > 1 else {}
+    return calibration, device.bad.shape, steps
+
+
+def _summed_bits(levels: Sequence[counts.Summed]) -> int | None:
+    """Number of binary frames, about 2ⁿ − 1, of which readings may be sums; None if of none.
+
+    A binomial distribution of N has a variance of mean · (1 − mean/N).
+    """
+    lit = [level.of for level in levels if level.light_hz and not level.is_binary]
+    mean = np.array([of.mean.mean() for of in lit])
+    bright = np.flatnonzero(mean > mean.max(initial=0) / 10)  # where the variance shows it
+    missing = [float((lit[at].mean - lit[at].variance).sum()) for at in bright]
+    if min(missing, default=0) <= 0 or mean.max() < 2 * mean[bright].min():
+        return None
+    numbers = np.array([float((lit[at].mean ** 2).sum()) for at in bright]) / missing
+    bits = 2 ** round(np.log2(numbers[mean[bright].argmax()])) - 1
+    variance = np.array([float(lit[at].variance.sum()) for at in bright])
+    readings = np.array([lit[at].frames * lit[at].mean.size for at in bright])
+    tolerance = 0.02 + 3 * np.sqrt(2 / readings) * variance / missing
+    is_constant = (abs(numbers / bits - 1) < tolerance).all()  # unlike that of dead time
+    return bits if is_constant and mean.max() > 0.3 * bits else None
 
 
 def calibration_of(
@@ -198,6 +233,11 @@ def calibration_of(
         if kernel is not None and device.dead_time is not None and device.dead_time.recovery.fired:
             kernel = kernel._replace(afterpulses_error=0.0)
         maps["efficiency"] = primary(efficiency, kernel, talk).scaled(1 / nominal)
+    dark = maps.get("dark_counts")
+    if dark is not None and np.isfinite(dark.value).any():  # at least as hot as all that are known
+        too_hot = np.isnan(dark.value) & device.hot
+        dark = replace(dark, value=np.where(too_hot, np.nanmax(dark.value), dark.value))
+        maps["dark_counts"] = dark
     for name, rates in maps.items():  # dead pixels count nothing, other bad ones are unknown
         maps[name] = rates.where(~device.stuck & ~device.saturated).where(~device.dead, 0.0)
     if kernel is not None and kernel.are_afterpulses_seen:
@@ -225,7 +265,7 @@ def calibration_of(
         fields["telegraph"] = {"share": float(at.mean()), "step": step, **times}
     if (device.reading >= 0).any():
         masks["stuck"] = device.reading
-    if isinstance(device, Device):
+    if isinstance(device, AnalogDevice):
         calibration = _with_comb(calibration, device)
     else:
         fields["counter"]["kind"] = "digital"
@@ -235,7 +275,7 @@ def calibration_of(
     return replace(calibration, summary=summary, sections=sections)
 
 
-def _with_comb(calibration: Calibration, device: Device) -> Calibration:
+def _with_comb(calibration: Calibration, device: AnalogDevice) -> Calibration:
     """Add the parameters of an analog counter."""
     fall, leak, step = device.offset_v, device.leak_v_s, device.step_v
     offset = Estimate(-fall.value, -fall.high, -fall.low)  # a voltage drop as a rise

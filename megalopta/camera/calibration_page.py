@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from markupsafe import Markup
@@ -15,15 +15,15 @@ from megalopta.report.style import BLACK, BLUE, VERMILION, line_style
 from megalopta.sensor import Crosstalk, Sensor, changed, load_sensor
 from megalopta.sensor.calibrate import crosstalk as estimates, emva as standard
 from megalopta.sensor.calibrate.counts import CountingDevice
-from megalopta.sensor.calibrate.device import Device
+from megalopta.sensor.calibrate.device import AnalogDevice
 from megalopta.sensor.calibrate.emva import Step
 from megalopta.sensor.calibrate.pixels import Estimate
 from megalopta.sensor.calibrate.recovery import KINDS, DeadTimeEstimate, Recovery
 
 UNKNOWN = "not known"
 _PIXELS = (
-    "Median over pixels ± median half width of a pixel's 95 % CI, and range of 90 % of them. Rates "
-    "include crosstalk and afterpulses; maps of the device file exclude those found below."
+    "Over pixels: median ± median half width of a pixel's 95 % CI, mean, and range of 90 %. Rates "
+    "include crosstalk and afterpulses; maps of the device file do not include those detected."
 )
 _DROPS = (
     "A point per pixel and level. On the line, noise is that of single events; points of bright "
@@ -34,20 +34,18 @@ _SATURATION = (
     "time; its kind shows where the two models diverge."
 )
 _NEIGHBORS = (
-    "Probability that an event fires a neighbor, from coincidences in the dark; afterpulses within "
-    "the exposure, from the variance of counts, which read noise may hide. Effects above three "
-    "standard errors are in the device file, crosstalk by direction and parity of rows and columns "
-    "where that differs. Without a fit of the dead time, the delay is assumed to be five of it."
+    "Chance that an event fires a neighbor, from coincidences in the dark; afterpulses within the "
+    "exposure, from the variance of counts, which read noise may hide. Effects above three "
+    "standard errors are in the device file. Without a fit, afterpulses come after five dead times."
 )
 _MAPS = (
     "Grain: scatter of pixels and of their estimates. Gradients: nonuniform light (efficiency) or "
     "temperature (dark counts). Rows and columns: readout. Gray: unknown."
 )
 _BAD = (
-    "Dead: no counts under light; stuck: one reading in all frames; saturated: at the counter's "
-    "end in every recording, or codes without a comb; these are in bad.npy, readings that do not "
-    "change in stuck.npy. Hot: significantly above ten times the median dark counts; telegraph: "
-    "two rates of dark counts."
+    "Dead: no counts under light; stuck: one reading in all frames (stuck.npy); saturated: at the "
+    "counter's end in every recording, or codes without a comb. All are in bad.npy. Hot: clearly "
+    "above ten times the median dark counts; telegraph: two rates of dark counts."
 )
 _FITS = (
     "Deviation of the levels from the curve, pooled over pixels: counts over light and exposure, "
@@ -58,7 +56,11 @@ _TEXT = (
     "Release 4, Linear; an event is one electron, a reading a count. The device's figures are "
     "computed from the calibration at 50 steps of light and an exposure of {}. Saturation is "
     "where the temporal variance is largest. R and K are corrected for the calibrated dead time, "
-    "the linearity error is not. Dark current includes crosstalk and afterpulses."
+    "the linearity error is not. Dark current is a mean of pixels, with crosstalk and afterpulses."
+)
+_OF_SUMS = (
+    " Of binary frames, figures are of sums of 255: near saturation their variance is below that "
+    "of counts, so that K is less than 1 and η too large."
 )
 
 
@@ -93,12 +95,13 @@ def write_page(
         title = f"{quantity.name} ({quantity.unit})"
         values = quantity.scale * quantity.estimate.value
         if not np.isfinite(values).any():
-            rows.append((quantity.name, UNKNOWN, UNDEFINED))
+            rows.append((quantity.name, UNKNOWN, UNDEFINED, UNDEFINED))
             continue
         low, high = np.nanpercentile(values, (5, 95))
-        rows.append((quantity.name, quantity.text, between(low, high, quantity.unit)))
+        mean = with_error(float(np.nanmean(values)), 0, quantity.unit)
+        rows.append((quantity.name, quantity.text, mean, between(low, high, quantity.unit)))
         charts.append(style.map_chart(values, f"map-{len(rows)}", title))
-    head = ("", "median ± 95 % CI of a pixel", "90 % of the pixels")
+    head = ("", "median ± 95 % CI of a pixel", "mean", "90 % of the pixels")
     body = folded("Values", table("The pixels", head, rows), paragraph(_PIXELS, "note"))
     pixels = Section("The pixels", _MAPS, charts=tuple(charts), body=body)
     write_sections(
@@ -139,7 +142,7 @@ def parts(
     """Return the summary and the sections of a camera."""
     switching = device.telegraph.pixels.sum() if device.telegraph else 0
     summary = ", ".join(f"{quantity.name} {quantity.text}" for quantity in quantities)
-    summary = f"{summary[:1].upper()}{summary[1:]}"
+    summary = f"{summary[:1].upper()}{summary[1:]} (medians of {device.bad.size} pixels ± 95 % CI)"
     if (dead := device.dead_time) is not None:
         kind = f"{'' if dead.is_kind_clear else 'kind undetermined, taken as '}{dead.recovery.kind}"
         dead_time = with_error(dead.recovery.dead_s, 1.96 * dead.error_s, "s")
@@ -149,10 +152,8 @@ def parts(
         summary += f", crosstalk {_fired(kernel.seen)}{differs}"
     elif kernel is not None and not talk:
         summary += f", crosstalk below {percent(kernel.limit)} per edge neighbor (95 %)"
-    summary += (
-        f". These are medians of {device.bad.size} pixels ± 95 % CI of a pixel; {device.bad.sum()} "
-        f"pixels are bad, {device.hot.sum()} hot{f', {switching} telegraph' if switching else ''}."
-    )
+    telegraph = f", {switching} telegraph" if switching else ""
+    summary += f". {device.bad.sum()} pixels are bad, {device.hot.sum()} hot{telegraph}."
     if device.refused:
         summary += f" Not known: {reasons(device)}."
     summary += "".join(
@@ -168,7 +169,7 @@ def parts(
     curves = Section(
         "Goodness of fit", _FITS, ("curve", "all pixels together"), fits, are_words=True
     )
-    comb = _comb_section(device) if isinstance(device, Device) else None
+    comb = _comb_section(device) if isinstance(device, AnalogDevice) else None
     return summary, [comb, bad_pixels, curves, _neighbors_section(device.kernel, talk)]
 
 
@@ -187,7 +188,7 @@ def _recovers(dead: DeadTimeEstimate) -> str:
     return text
 
 
-def _comb_section(device: Device) -> Section:
+def _comb_section(device: AnalogDevice) -> Section:
     """Return photon transfer, and the saturation curve if there is light, with what they tell."""
     decrease = with_error(100 * device.curve.slope, 196 * device.slope_error, "%")
     seen = "changes" if device.is_slope_seen else "no change seen"
@@ -201,14 +202,15 @@ def _comb_section(device: Device) -> Section:
 
 
 @style.in_style
-def _drops_chart(device: Device) -> Markup:
+def _drops_chart(device: AnalogDevice) -> Markup:
     """Draw variance over mean voltage drop, all pixels at all levels, with the line of the step."""
     figure, axes = style.new_axes(*style.CHART_PT)
     used = device.drops.frames > 0
     dark = (device.drops.light_hz == 0)[:, None] & used
     mean, variance = 1e3 * device.drops.mean_v, 1e6 * device.drops.variance_v2
-    for chosen, color, label in ((dark, BLACK, "dark"), (used & ~dark, BLUE, "light")):
-        axes.plot(mean[chosen], variance[chosen], ".", color=color, markersize=2, label=label)
+    look: dict[str, Any] = {"marker": ".", "linewidth": 0, "markersize": 2, "rasterized": True}
+    for chosen, color, label in ((dark, style.GRAY, "dark"), (used & ~dark, BLUE, "light")):
+        axes.plot(mean[chosen], variance[chosen], color=color, label=label, **look)
     ends = np.array([0.0, float(mean[used].max(initial=1.0))])
     step = 1e3 * device.step_v.median
     axes.plot(ends, step * ends, color=VERMILION, linewidth=1.5, label=f"{step:.3g} mV per event")
@@ -218,7 +220,7 @@ def _drops_chart(device: Device) -> Markup:
 
 
 @style.in_style
-def _saturation_chart(device: Device, efficiency: float, recovery: Recovery) -> Markup:
+def _saturation_chart(device: AnalogDevice, efficiency: float, recovery: Recovery) -> Markup:
     """Draw counts over light at the median pixel, with both models and the line without loss."""
     figure, axes = style.new_axes(*style.CHART_PT)
     lit = device.drops.light_hz > 0
@@ -239,11 +241,9 @@ def _saturation_chart(device: Device, efficiency: float, recovery: Recovery) -> 
 
 
 def emva_section(
-    device: Path,
-    shape: tuple[int, ...],
-    wavelength_nm: float | None,
+    device: Path, shape: tuple[int, ...], wavelength_nm: float | None,
     recorded: Sequence[tuple[float, Step]],
-) -> Section:
+) -> Section:  # fmt: skip
     """Return the figures of a device file, and those of the recordings if there are enough.
 
     `recorded` are exposure (s) and readings of each recording.
@@ -253,18 +253,20 @@ def emva_section(
         return Section(_TITLE, "Needs recordings of light and --wavelength-nm.")
     exposure_s = max(set(exposures), key=exposures.count)
     sensor = changed(load_sensor(device, Sensor), exposure_s=exposure_s)
+    text = _TEXT
     if sensor.counter.capacity == 1:
-        return Section(_TITLE, "Needs counts: sum binary frames, 255 or more each.")
+        exposure_s, text = 255 * exposure_s, _TEXT + _OF_SUMS
+        sensor = changed(sensor, exposure_s=exposure_s, counter={"sums": 255})
     at = (shape[0], shape[1]), wavelength_nm
     try:
         figures = [standard.device_emva(sensor, *at)]
     except ValueError as problem:
         return Section(_TITLE, f"Not known: {problem}.")
     seen = [step for time_s, step in recorded if time_s == exposure_s]
-    darkest, lit = min(seen, key=lambda step: step.photons), [s for s in seen if s.photons]
-    if not darkest.photons and len(lit) >= standard.FEWEST_STEPS:
+    dark, lit = [s for s in seen if not s.photons], [s for s in seen if s.photons]
+    if dark and len(lit) >= standard.FEWEST_STEPS:
         factors = standard.without_dead_time(sensor, *at, lit)
-        figures.append(standard.emva(darkest, lit, factors=factors))
+        figures.append(standard.emva(dark[0], lit, factors=factors))
     head = ("symbol", "quantity", "device", "recordings")[: 2 + len(figures)]
-    text = _TEXT.format(with_error(exposure_s, 0, "s"))
-    return Section(_TITLE, text, head, standard.rows(*figures))
+    text = text.format(with_error(exposure_s, 0, "s"))
+    return Section(_TITLE, text, head, standard.rows(*figures), are_words=True)

@@ -95,13 +95,9 @@ Show = Callable[[Recorder, str], None]
 
 
 def capture(
-    find: Callable[[], str],
-    out: Path,
-    settings: CaptureSettings,
-    stop: threading.Event,
-    show: Show = lambda recorder, state: None,
-    wait_s: float = 0.0,
-) -> Recording:
+    find: Callable[[], str], out: Path, settings: CaptureSettings, stop: threading.Event,
+    show: Show = lambda recorder, state: None, wait_s: float = 0.0,
+) -> Recording:  # fmt: skip
     """Record into a new folder until frames or seconds are complete, or `stop` is set.
 
     It waits up to `wait_s`, with a message, for a port that does not exist yet. Raises UserError if
@@ -184,13 +180,9 @@ def _configure(link: links.Link, wanted: protocol.Settings) -> int:
 
 
 def _record(
-    link: links.Link,
-    recorder: Recorder,
-    settings: CaptureSettings,
-    valid_us: float,
-    stop: threading.Event,
-    show: Show,
-) -> None:
+    link: links.Link, recorder: Recorder, settings: CaptureSettings, valid_us: float,
+    stop: threading.Event, show: Show,
+) -> None:  # fmt: skip
     """Record frames as they arrive; after unplugging, configure the camera again."""
     of_camera, serial_number = settings.of_camera, recorder.header.serial_number
     patience_s = PATIENCE_S + 3e-6 * of_camera.period_us

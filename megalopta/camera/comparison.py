@@ -14,20 +14,22 @@ from numpy.typing import NDArray
 from megalopta.camera import comparison_page as pages, motion_bench
 from megalopta.camera.emulator import Cycle, rendered
 from megalopta.camera.sources import Beam, RecordingFrames, Source, read_recorded
-from megalopta.core.arrays import Floats
-from megalopta.core.bounded import ARRAY_BYTES, plain_array, read_bytes
 from megalopta.core.errors import UserError, refused_as
 from megalopta.core.progress import step
 from megalopta.report.sections import write_sections
-from megalopta.sensor import IMAGE_SENSORS, AnalogCounter, Sensor, changed, load_sensor
+from megalopta.sensor import (
+    IMAGE_SENSORS,
+    AnalogCounter,
+    Sensor,
+    changed,
+    compare_recordings,
+    load_sensor,
+)  # fmt: skip
 from megalopta.sensor.calibrate.level import Level
 from megalopta.sensor.compare.model import Model, level_of_codes, one_by_one
-from megalopta.sensor.compare.recordings import MARGIN, compare_recordings
+from megalopta.sensor.compare.recordings import MARGIN, Comparison, compare_levels, rate_errors
 from megalopta.sensor.compare.two_sample import difference, scene_differences
-from megalopta.sensor.spad.device import draw_fixed_pattern
-from megalopta.sensor.spad.measured import MapFile
 
-_95 = 1.959964
 _SHIFTS_PER_FRAME = 4
 
 
@@ -58,8 +60,10 @@ def compare_captured(
         sensor = IMAGE_SENSORS.get(str(device)) or load_sensor(device)
         if not isinstance(sensor, Sensor):
             raise UserError(f"--device {device}: compare takes counts of SPAD arrays, no electrons")
-        if any(source.sums for source in sources):
-            raise UserError("compare: sums of binary frames; give frames as they were recorded")
+        if len(summed := {source.sums for source in sources}) > 1:
+            raise UserError(f"sums: {summed}; compare recordings of one kind at a time")
+        if (sums := summed.pop()) and sums != sensor.counter.sums:
+            sensor = changed(sensor, counter={"sums": sums})
         captured: list[Level] = []
         note = ""
         for source in sources:
@@ -75,7 +79,12 @@ def compare_captured(
             captured.append(frames)
     with refused_as("compare"), step("simulating the same stimulus, and comparing"):
         if settings.scene == "levels":
-            page = pages.levels_page(sensor.name, _compare_levels(captured, sensor, settings))
+            captured.sort(key=lambda level: (level.light_hz, level.exposure_s))
+            nm, margin, seed = settings.beam.wavelength_nm, settings.margin, settings.seed
+            comparison = compare_recordings(
+                captured, sensor, wavelength_nm=nm, margin=margin, seed=seed
+            )
+            page = pages.levels_page(sensor.name, comparison)
         elif settings.scene == "plate":
             plates = {frames.light_hz: frames for frames in captured}
             responses = plate_responses(plates, sensor, settings)
@@ -90,7 +99,7 @@ def compare_captured(
                 raise UserError(f"{len(sources)} recordings of {dataset}; give one at a time")
             lux = captured[0].light_hz
             cycle, scene = rendered(sensor, dataset, lux or None), replace(captured[0], light_hz=1)
-            page = pages.scene_page(dataset.name, _compare_scene(scene, cycle, sensor, settings))
+            page = pages.scene_page(dataset.name, *_compare_scene(scene, cycle, sensor, settings))
     title, sentence, sections = page
     write_sections(out, title, sentence + note, sections)
     return sentence + note
@@ -102,70 +111,6 @@ def captured_frames(recorded: RecordingFrames, device: Sensor, light_hz: float) 
     if codes is None or not isinstance(device.counter, AnalogCounter):
         return Level(recorded.counts, exposure_s, light_hz, times_s=times_s)
     return level_of_codes(codes, device, exposure_s, light_hz, times_s)
-
-
-def _compare_levels(
-    captured: Sequence[Level], device: Sensor, settings: CompareSettings
-) -> pages.Compared:
-    rates = []
-    for level in captured:
-        shape = level.readings.shape[1], level.readings.shape[2]
-        if level.is_dark:
-            rates.append(np.zeros((1, *shape)))
-            continue
-        if settings.beam.wavelength_nm is None:
-            raise UserError("compare: unknown wavelength of the light; give --wavelength-nm")
-        sensor = changed(device, exposure_s=level.exposure_s)
-        nominal = float(sensor.photon_detection_efficiency(np.array(settings.beam.wavelength_nm)))
-        factor = draw_fixed_pattern(sensor, shape).efficiency_factor
-        rates.append(level.light_hz * nominal * factor[np.newaxis])
-    return _compared(captured, rates, device, settings)
-
-
-def _compared(
-    captured: Sequence[Level],
-    rates: Sequence[Floats],
-    device: Sensor,
-    settings: CompareSettings,
-    stimulus: str = "",
-) -> pages.Compared:
-    """Compare recordings with frames of the device's model at these rates (n or 1, …), Hz."""
-    model = Model(device, rates)
-    simulated = model.drawn(captured, settings.seed, stimulus)
-    errors = [
-        _errors(device, rate) * like.exposure_s for like, rate in zip(captured, rates, strict=True)
-    ]
-    comparison = compare_recordings(
-        captured, simulated, model, margin=settings.margin, errors=errors, is_scene=bool(stimulus)
-    )
-    shown = captured if stimulus else [one_by_one(level) for level in captured]
-    return pages.Compared(shown, simulated, comparison)
-
-
-def _errors(device: Sensor, rates: Floats) -> Floats:
-    """Standard errors of mean rates (rows, columns) due to those of the device's maps, Hz."""
-    maps, shape = device.measured, (rates.shape[1], rates.shape[2])
-    factor = np.maximum(draw_fixed_pattern(device, shape).efficiency_factor, 1e-12)
-    of_light = rates.mean(axis=0) * _map_error(maps.efficiency) / factor
-    return np.asarray(np.hypot(_map_error(maps.dark_counts), of_light))
-
-
-def _map_error(file: MapFile | None) -> Floats | float:
-    """Standard errors of a map, from the intervals next to it; 0 without, NaN if unknown."""
-    if file is None:
-        return 0.0
-    path, ends = Path(file.path), []
-    for end in ("low", "high"):
-        beside = path.with_name(f"{path.stem}_{end}.npy")
-        if not beside.exists():
-            return 0.0
-        values = plain_array(read_bytes(beside, ARRAY_BYTES))
-        if values is None or values.ndim != 2:
-            raise UserError(
-                f"{beside} is not a complete array of numbers; calibrate the device again"
-            )
-        ends.append(values.astype(np.float64))
-    return np.asarray((ends[1] - ends[0]) / (2 * _95))
 
 
 def plate_responses(
@@ -210,8 +155,8 @@ def passages_at(speed_mm_s: float, frames: Level) -> NDArray[np.generic]:
 
 def _compare_scene(
     captured: Level, cycle: Cycle, device: Sensor, settings: CompareSettings
-) -> pages.Compared:
-    """Align captured frames with a scene, and simulate the matching frames."""
+) -> tuple[Comparison, float]:
+    """Align captured frames with a scene, and compare them; return their correlation, too."""
     shape, length = captured.readings.shape[1:], len(cycle.rates_hz)
     if shape != cycle.rates_hz.shape[1:]:
         raise UserError(
@@ -235,9 +180,12 @@ def _compare_scene(
     best = np.flatnonzero(correlation >= correlation.max() - 1e-9)
     # the middle of equal shifts is the least sensitive to clock differences
     rates_hz = cycle.rates_hz[frame[best[len(best) // 2]]]
-    compared = _compared([captured], [rates_hz], device, settings, "scene, ")
-    (simulated,) = compared.simulated
-    errors_hz = _errors(device, rates_hz)
-    differences = scene_differences(captured, simulated, rates_hz, settings.margin, errors_hz)
-    comparison = replace(compared.comparison, differences=differences)
-    return compared._replace(comparison=comparison, correlation=float(correlation.max()))
+    model, margin = Model(device, [rates_hz]), settings.margin
+    simulated = model.drawn([captured], settings.seed, "scene, ")
+    errors_hz = rate_errors(device, rates_hz)
+    errors = [errors_hz * captured.exposure_s]
+    comparison = compare_levels(
+        [captured], simulated, model, margin=margin, errors=errors, is_scene=True
+    )
+    differences = scene_differences(captured, simulated[0], rates_hz, margin, errors_hz)
+    return replace(comparison, differences=differences), float(correlation.max())

@@ -15,12 +15,13 @@ from megalopta.report import style
 from megalopta.report.sections import Section, block, captioned, folded, heading, paragraph, table
 from megalopta.report.style import BLACK, BLUE, VERMILION
 from megalopta.sensor.calibrate.level import Level
+from megalopta.sensor.compare.causes import REFUTED
 from megalopta.sensor.compare.recordings import FALSE_ALARMS, Comparison, agreement
 from megalopta.sensor.compare.two_sample import Difference
 
 Levels = Sequence[Level]
 
-_LARGEST_Z, _MOST = 6.0, 3.0
+_LARGEST_Z, _MOST = (-6.0, 6.0), 3.0
 """Largest standard errors, and relative differences, that charts show"""
 _GUIDE = (
     "Captured over simulated, less one, with 95 % CI. Gray: too small to matter. A parameter near "
@@ -54,16 +55,6 @@ _STYLES: tuple[dict[str, Any], ...] = (
 )
 
 
-class Compared(NamedTuple):
-    """Captured recordings, simulations of the same stimuli, and their differences."""
-
-    captured: Levels
-    simulated: Levels
-    comparison: Comparison
-    correlation: float = 0.0
-    """Correlation of the frames of a scene with their aligned simulation"""
-
-
 class SpeedResponse(NamedTuple):
     """Peak responses of one detector at one speed, captured and simulated, per crossing."""
 
@@ -79,19 +70,20 @@ Page = tuple[str, str, list[Section]]
 """Title, summary and sections"""
 
 
-def levels_page(name: str, compared: Compared) -> Page:
+def levels_page(name: str, comparison: Comparison) -> Page:
     """Return the differences of captured from simulated levels, with pictures."""
-    comparison = compared.comparison
-    order = comparison.arrangement
+    order, accepted = comparison.arrangement, comparison.explained.accepted
     sets = [
-        f"{' and '.join(causes.names)} (goodness of fit: p = {causes.p:.2g})"
-        for causes in comparison.explained.accepted
+        f"{' and '.join(causes.names)} (goodness of fit: p = {causes.p:.2g})" for causes in accepted
     ]
     explanation = f"The difference is explained by {', or else by '.join(sets)}." if sets else ""
+    if accepted and accepted[0].p < REFUTED:
+        explanation += " A small p: something weaker is left, which no known cause explains."
     device = _differences(
         "The device",
         explanation,
-        "Each parameter is fitted together with those that differ. "
+        "Each parameter is fitted together with those that differ. One that “explains too little” "
+        "fits better with another value, but simulations with it still differ from the frames. "
         f"At most {100 * FALSE_ALARMS:g} % of comparisons of a device with itself "
         f"raise a false alarm. “Equivalent”: a difference below {100 * comparison.margin:g} % (two "
         "one-sided tests at 95 %).",
@@ -105,20 +97,20 @@ def levels_page(name: str, compared: Compared) -> Page:
     )
     lights = [
         "Dark" if level.is_dark else f"{short(level.light_hz)} photons/s per pixel"
-        for level in compared.captured
+        for level in comparison.captured
     ]
     title = f"{name}: captured and simulated"
-    left = [_left(compared)] if comparison.left else []
-    return title, comparison.sentence, [*left, device, *_pixels(compared, lights), faults]
+    left = [_left(comparison)] if comparison.left else []
+    return title, comparison.sentence, [*left, device, *_pixels(comparison, lights), faults]
 
 
-def _left(compared: Compared) -> Section:
+def _left(comparison: Comparison) -> Section:
     """Return what nothing explains: the largest statistics, and a picture of the first."""
-    left = sorted(compared.comparison.left, key=lambda statistic: -statistic.z)[:8]
+    left = sorted(comparison.left, key=lambda statistic: -statistic.z)[:8]
     rows = [(largest.name, str(largest.level), f"{largest.z:.0f}") for largest in left]
-    lights = [(level.light_hz, level.exposure_s) for level in compared.captured]
+    lights = [(level.light_hz, level.exposure_s) for level in comparison.captured]
     at = lights.index((left[0].level.light_hz, left[0].level.exposure_s))
-    captured, simulated = compared.captured[at], compared.simulated[at]
+    captured, simulated = comparison.captured[at], comparison.expected[at]
     maps = [np.asarray(level.signal.mean(axis=0)) for level in (captured, simulated)]
     spread = np.sqrt(
         sum(
@@ -126,10 +118,10 @@ def _left(compared: Compared) -> Section:
             for level in (captured, simulated)
         )
     )
-    z, ends = (maps[0] - maps[1]) / np.maximum(spread, 1e-9), (-_LARGEST_Z, _LARGEST_Z)
+    z = (maps[0] - maps[1]) / np.maximum(spread, 1e-9)
     title = "mean, captured minus simulated (standard errors)"
     charts = (
-        captioned(style.map_chart(z, "left-map", title, ends, "PuOr"), f"At {captured}."),
+        captioned(style.map_chart(z, "left-map", title, _LARGEST_Z, "PuOr"), f"At {captured}."),
         captioned(_time_chart(captured, simulated, "left-time"), "Means of frames, in time."),
         captioned(_spectrum_chart(captured, simulated), _SPECTRUM),
     )
@@ -137,36 +129,34 @@ def _left(compared: Compared) -> Section:
     return Section("What is left", _LEFT, charts=charts, body=table("Largest first", head, rows))
 
 
-@style.in_style
 def _spectrum_chart(captured: Level, simulated: Level) -> Markup:
     """Draw the mean spectrum of pixels, relative to independent frames."""
-    figure, axes = style.new_axes(*style.CHART_PT)
-    for level, line in zip((captured, simulated), _STYLES, strict=True):
+    curves = []
+    for level in (captured, simulated):
         frames = _thinned(level.signal.reshape(len(level.signal), -1).T).T
         z = (frames - frames.mean(axis=0)) / np.maximum(frames.std(axis=0), 1e-9)
         power = np.square(np.abs(np.fft.rfft(z, axis=0)[1:])).mean(axis=1) / len(z)
-        axes.plot(np.arange(1, len(power) + 1) / len(z), power, **line | {"marker": ""})
-    axes.set(yscale="log", xlabel="cycles per frame", ylabel="mean power of pixels")
-    return style.with_legend(figure, "left-spectrum", "Mean spectrum of pixels in time")
+        curves.append((np.arange(1, len(power) + 1) / len(z), power))
+    labels = {"yscale": "log", "xlabel": "cycles per frame", "ylabel": "mean power of pixels"}
+    return _curves(curves, "left-spectrum", "Mean spectrum of pixels in time", labels)
 
 
-def scene_page(name: str, compared: Compared) -> Page:
+def scene_page(name: str, comparison: Comparison, correlation: float) -> Page:
     """Return the differences of a captured from a simulated scene, with pictures."""
-    comparison = compared.comparison
     in_time = captioned(
-        _time_chart(compared.captured[0], compared.simulated[0]),
+        _time_chart(comparison.captured[0], comparison.expected[0]),
         "Coincident curves saw the same frames of the scene; a horizontal shift is a difference "
         "in time, a vertical one a difference in brightness.",
     )
     scene = _differences(
         "The scene",
-        f"Frames are aligned in time by correlation ({compared.correlation:.2f}), "
+        f"Frames are aligned in time by correlation ({correlation:.2f}), "
         "and the matching frames are simulated.",
         "Quantities are compared in blocks of frames; differences below "
         f"{100 * comparison.margin:g} % are ignored.",
         *(comparison.differences, comparison.significant, comparison.margin),
     )
-    sections = [scene, Section("In time", charts=(in_time,)), *_pixels(compared, ["Frames"])]
+    sections = [scene, Section("In time", charts=(in_time,)), *_pixels(comparison, ["Frames"])]
     return f"{name}: captured and simulated", comparison.sentence, sections
 
 
@@ -189,28 +179,28 @@ def motion_page(name: str, responses: Sequence[SpeedResponse], margin: float) ->
 
 
 def _differences(
-    title: str,
-    text: str,
-    note: str,
-    differences: Sequence[Difference],
-    significant: Sequence[Difference],
-    margin: float,
-) -> Section:
+    title: str, text: str, note: str, differences: Sequence[Difference],
+    significant: Sequence[Difference], margin: float,
+) -> Section:  # fmt: skip
     """Return differences with their intervals as a picture, and folded as a table."""
     if not differences:
         return Section(title, text)
     rows = []
     for change in differences:
         verdicts = {"differs": change in significant, "equivalent": change.is_equivalent}
-        is_time, sizes = change.unit == "s", (change.captured, change.expected)
-        is_shown = change.high - change.low < 20
+        otherwise = "explains too little" if change.p < 1e-4 else "too uncertain"
+        is_time, is_shown = change.unit == "s", change.high - change.low < 20
+        sizes = [
+            with_error(size, 0, "s") if is_time else number(size)
+            for size in (change.captured, change.expected)
+        ]
         amount = f"{'+' * (change.relative > 0)}{change.relative_text}{change.base}"
         cells = (
             change.name if is_time else f"{change.name} ({change.unit})",
-            " and ".join(word for word, holds in verdicts.items() if holds) or "inconclusive",
+            " and ".join(word for word, holds in verdicts.items() if holds) or otherwise,
             amount if is_shown else "these recordings do not show it",
-            *(with_error(size, 0, "s") if is_time else number(size) for size in sizes),
-            "< 0.001" if change.p < 1e-3 else f"{change.p:.2g}",
+            *(sizes if is_shown else ("–", sizes[1])),
+            "< 0.0001" if change.p < 1e-4 else f"{change.p:.2g}",
         )
         rows.append(cells)
     head = ("", "verdict", "difference (± 95 % CI)", "captured", "simulated", "p")
@@ -241,9 +231,15 @@ def _difference_chart(
     return style.to_svg(figure, f"differences-{title.split()[-1]}", f"Differences of {title}")
 
 
-def _pixels(compared: Compared, lights: Sequence[str]) -> Iterator[Section]:
+def _pixels(comparison: Comparison, lights: Sequence[str]) -> Iterator[Section]:
     """Yield sections on the differences of pixels, level by level, titled by their lights."""
-    captured, simulated, comparison = compared.captured, compared.simulated, compared.comparison
+    captured, simulated, accepted = comparison.captured, comparison.expected, ""
+    if comparison.explained.accepted:
+        names = " and ".join(comparison.explained.accepted[0].names)
+        accepted = (
+            f"Frames were simulated again with the fitted {names}: standard errors and tests are "
+            "of what still differs. Other maps and curves show the device as calibrated."
+        )
     curves = [captioned(_transfer_chart(captured, simulated), _TRANSFER)]
     dark = [pair for pair in zip(captured, simulated, strict=True) if pair[0].is_dark]
     if dark:
@@ -258,9 +254,9 @@ def _pixels(compared: Compared, lights: Sequence[str]) -> Iterator[Section]:
         for values, label in zip(maps, ("captured", "simulated"), strict=True):
             title = f"mean, {label} (counts)"
             charts.append(style.map_chart(values, f"mean-{place}-{label}", title, limits))
-        z, ends = np.sign(maps[0] - maps[1]) * norm.isf(p / 2), (-_LARGEST_Z, _LARGEST_Z)
+        z = np.where(means.is_more[place], 1, -1) * norm.isf(p / 2)
         title = "mean, captured minus simulated (standard errors)"
-        charts.append(style.map_chart(z, f"mean-{place}-difference", title, ends, "PuOr"))
+        charts.append(style.map_chart(z, f"mean-{place}-difference", title, _LARGEST_Z, "PuOr"))
         parts += [
             heading(f"{lights[place]}, {with_error(levels[0].exposure_s, 0, 's')}"),
             paragraph(
@@ -270,7 +266,9 @@ def _pixels(compared: Compared, lights: Sequence[str]) -> Iterator[Section]:
             block("charts", *charts),
         ]
     alarms = paragraph(f"Alarms: {'; '.join(comparison.alarms) or 'none'}.")
-    yield Section("Pixels", body=Markup("\n").join([*parts, alarms, paragraph(_TESTS, "note")]))
+    yield Section(
+        "Pixels", accepted, body=Markup("\n").join([*parts, alarms, paragraph(_TESTS, "note")])
+    )
 
 
 @style.in_style
@@ -281,7 +279,8 @@ def _transfer_chart(captured: Levels, simulated: Levels) -> Markup:
         for place, level in enumerate(levels):
             shown = _thinned(level.readings.reshape(len(level.readings), -1).T)
             look = line | {"label": "" if place else line["label"]}
-            axes.plot(shown.mean(axis=1), shown.var(axis=1), markersize=2.5, linewidth=0, **look)
+            moments = shown.mean(axis=1), shown.var(axis=1)
+            axes.plot(*moments, markersize=2.5, linewidth=0, rasterized=True, **look)
     axes.set(xlabel="mean counts", ylabel="variance (counts²)")
     if max(level.readings.max() for level in captured) > 1:
         axes.set(xscale="symlog", yscale="symlog")
@@ -290,27 +289,33 @@ def _transfer_chart(captured: Levels, simulated: Levels) -> Markup:
     )
 
 
-@style.in_style
 def _dark_chart(captured: Level, simulated: Level) -> Markup:
-    figure, axes = style.new_axes(*style.CHART_PT)
-    for level, line in zip((captured, simulated), _STYLES, strict=True):
-        rates = np.maximum(level.readings.mean(axis=0) / level.exposure_s, 1e-3)
-        shares = (np.arange(rates.size) + 0.5) / rates.size
-        look = line | {"marker": ""}
-        axes.plot(_thinned(np.sort(rates, axis=None)), _thinned(shares), **look)
-    axes.set(xscale="log", xlabel="dark counts (Hz)", ylabel="cumulative share of pixels")
-    return style.with_legend(figure, "dark", "Distribution of dark counts over the pixels")
+    curves = []
+    for level in (captured, simulated):
+        rates = np.sort(np.maximum(level.readings.mean(axis=0) / level.exposure_s, 1e-3), axis=None)
+        curves.append((_thinned(rates), _thinned((np.arange(rates.size) + 0.5) / rates.size)))
+    labels = {"xscale": "log", "xlabel": "dark counts (Hz)", "ylabel": "cumulative share of pixels"}
+    return _curves(curves, "dark", "Distribution of dark counts over the pixels", labels)
+
+
+def _time_chart(captured: Level, simulated: Level, name: str = "time") -> Markup:
+    means = [level.readings[:200].mean(axis=(1, 2)) for level in (captured, simulated)]
+    labels = {"xlabel": "frame", "ylabel": "mean counts"}
+    curves = [(np.arange(len(mean)), mean) for mean in means]
+    return _curves(curves, name, "Mean counts of frames", labels)
 
 
 @style.in_style
-def _time_chart(captured: Level, simulated: Level, name: str = "time") -> Markup:
-    figure, axes = style.new_axes(1.5 * style.CHART_PT[0], 0.8 * style.CHART_PT[1])
-    for frames, line in zip((captured, simulated), _STYLES, strict=True):
-        means = frames.readings[:200].mean(axis=(1, 2))
-        axes.plot(means, **line | {"marker": ""})
-    axes.set(xlabel="frame", ylabel="mean counts")
-    outside = {"loc": "lower right", "bbox_to_anchor": (1, 1), "ncols": 2}
-    return style.with_legend(figure, name, "Mean counts of frames", **outside)
+def _curves(
+    curves: Sequence[tuple[NDArray[Any], Floats]], name: str, description: str, labels: Any
+) -> Markup:
+    """Draw the curves (x, y) of what was captured and of what was simulated."""
+    figure, axes = style.new_axes(*style.CHART_PT)
+    for curve, line in zip(curves, _STYLES, strict=True):
+        axes.plot(*curve, **line | {"marker": ""})
+    axes.set(**labels)
+    above = {"loc": "lower right", "bbox_to_anchor": (1, 1), "ncols": 2}
+    return style.with_legend(figure, name, description, **above)
 
 
 @style.in_style

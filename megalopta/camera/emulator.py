@@ -165,12 +165,9 @@ class EmulatedCamera:
 
 
 def emulate(
-    camera: EmulatedCamera,
-    stop: threading.Event,
-    link: Path | None = None,
-    plugged_in: Callable[[str], None] = lambda path: None,
-    clock_rate: float = 1.0,
-) -> int:
+    camera: EmulatedCamera, stop: threading.Event, link: Path | None = None,
+    plugged_in: Callable[[str], None] = lambda path: None, clock_rate: float = 1.0,
+) -> int:  # fmt: skip
     """Send frames when they are due, and answer, until stopped; return the packets dropped.
 
     `link` is a symbolic link to the pseudo-terminal; `plugged_in` is called with its path. The

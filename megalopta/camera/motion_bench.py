@@ -110,12 +110,9 @@ def stimulus(speed_mm_s: float) -> Floats:
     # As many instants per frame as pixels passed give a smooth blur.
     per_frame = _PHASES * max(1, math.ceil(pixels_per_frame(speed_mm_s) / _PHASES))
     path = Trajectory(
-        frames=(FRAMES + 1) * per_frame,
-        frame_rate_hz=FRAME_RATE_HZ * per_frame,
-        position_m=(0, 0, 0),
-        look_at_m=(1, 0, 0),
-        velocity_m_s=(0, -1e-3 * speed_mm_s, 0),
-    )
+        frames=(FRAMES + 1) * per_frame, frame_rate_hz=FRAME_RATE_HZ * per_frame,
+        position_m=(0, 0, 0), look_at_m=(1, 0, 0), velocity_m_s=(0, -1e-3 * speed_mm_s, 0),
+    )  # fmt: skip
     way_mm = speed_mm_s * path.duration_s
     bench = MotionBench(edge_mm=way_mm / 2, plate_mm=way_mm + 10)
     # Compiled backends need milliseconds to start an image, longer than 16 pixels take.

@@ -164,17 +164,12 @@ def open_recording(path: str | Path) -> Recording:
     skipped = (np.diff(sequence) - np.uint32(1))[~restarts]  # modulo 2³², as the counter
     counts, saturated = counts_by_code(settings.sensor)
     return Recording(
-        path=path,
-        settings=settings,
-        counts=FramesByCode(records["adc"], counts),
-        saturated=FramesByCode(records["adc"], saturated),
-        adc=records["adc"],
-        times_s=times_s,
-        sequence_number=sequence,
-        connection=connection,
+        path=path, settings=settings, counts=FramesByCode(records["adc"], counts),
+        saturated=FramesByCode(records["adc"], saturated), adc=records["adc"], times_s=times_s,
+        sequence_number=sequence, connection=connection,
         gaps=int(restarts.sum() + (skipped > 0).sum()),
         missing_frames=int(skipped.sum(dtype=np.int64)),
-    )
+    )  # fmt: skip
 
 
 def counts_by_code(sensor: Sensor) -> tuple[NDArray[np.uint16], NDArray[np.bool_]]:
@@ -202,26 +197,17 @@ class Recorder:
     """
 
     def __init__(
-        self,
-        folder: Path,
-        sensor: Sensor,
-        kind: str,
-        identity: protocol.Identity,
-        settings: protocol.Settings,
-        start_s: float,
-    ) -> None:
+        self, folder: Path, sensor: Sensor, kind: str, identity: protocol.Identity,
+        settings: protocol.Settings, start_s: float,
+    ) -> None:  # fmt: skip
         self._folder, self._start_s = folder, start_s
         self.header = RecordingSettings(
-            kind=printable(kind),
-            started=datetime.now(UTC).isoformat(timespec="milliseconds"),
-            serial_number=identity.serial_number,
-            firmware=identity.firmware,
-            exposure_s=settings.exposure_us / 1e6,
-            frame_rate_hz=settings.frame_rate_mhz / 1e3,
-            step_bias=settings.step_bias,
-            row_window=(settings.first_row, settings.end_row),
+            kind=printable(kind), started=datetime.now(UTC).isoformat(timespec="milliseconds"),
+            serial_number=identity.serial_number, firmware=identity.firmware,
+            exposure_s=settings.exposure_us / 1e6, frame_rate_hz=settings.frame_rate_mhz / 1e3,
+            step_bias=settings.step_bias, row_window=(settings.first_row, settings.end_row),
             sensor=sensor,
-        )
+        )  # fmt: skip
         """Content of recording.yaml."""
         self.frames = self.missing_frames = 0
         """Frames so far, and those that the counter skipped."""

@@ -87,14 +87,9 @@ class Source(Statement, frozen=True):
             stack = Stack("SPADCAM", len(own), 512, own.counts.__getitem__, 16, stated)
             return stack.frames(self.path, frames)
         return read_frames(
-            self.path,
-            self.format,
-            shape=shape,
-            frames=frames,
-            values=self.values,
-            variable=self.variable,
-            layout=self.layout,
-        )
+            self.path, self.format, shape=shape, frames=frames, values=self.values,
+            variable=self.variable, layout=self.layout,
+        )  # fmt: skip
 
 
 class _List(Record, frozen=True):
@@ -125,7 +120,7 @@ def named_sources(words: Sequence[str], kind: FrameKind | None = None) -> list[S
             fields |= {"light": float(light)} if light else {}
             fields |= {"exposure_s": float(exposure_s)} if exposure_s else {}
         except ValueError:
-            raise UserError(f"{word!r}: give RECORDING@LIGHT, with a number after the @") from None
+            raise UserError(f"{word!r}: give RECORDING@LIGHT:SECONDS, such as @2e7:1e-5") from None
         with refused_as(repr(word)):
             paths = [] if at else recordings_in(Path(name))
             inside.update(paths)
@@ -224,8 +219,9 @@ def look_at(source: Source) -> tuple[Source, RecordedFrames, str]:
                 say(f"{path}: {contradiction}, which is taken")
     taken = {quantity: statements[origin][quantity] for quantity, origin in origins.items()}
     exposure_s, light = taken.get("exposure_s"), taken.get("light")
+    of_sum = f"each a sum of {source.sums} binary frames; of one, " if source.sums else ""
     conditions = (
-        f"exposure {with_error(exposure_s, math.nan, 's') if exposure_s else 'unknown'} "
+        f"{of_sum}exposure {with_error(exposure_s, math.nan, 's') if exposure_s else 'unknown'} "
         f"({origins.get('exposure_s', 'not stated')}), "
         f"{f'light {light:.4g}' if light else 'dark'} ({origins.get('light', 'not stated')})"
     )
@@ -268,6 +264,7 @@ class RecordingFrames:
     counts: NDArray[Any]
     """(n, rows, columns)"""
     exposure_s: float
+    """Of a frame: for sums, of all its binary frames"""
     times_s: Floats
     """Start of each exposure; consecutive if not recorded."""
     codes: NDArray[Any] | None = None
@@ -293,7 +290,12 @@ def read_recorded(source: Source) -> RecordingFrames:
         stored = source.read(part)
         if stored.counts.ndim != 3:
             raise ValueError(f"{source.path}: {stored.counts.ndim} dimensions; give gray frames")
-        exposure_s = source.exposure_s or stored.exposure_s or 0.0
+        if source.sums and (stored.values == "bits" or is_recording(source.path)):
+            frames = "bits" if stored.values == "bits" else "SPADCAM's"
+            raise ValueError(
+                f"{source.path}: sums: {source.sums}, but frames are {frames}; omit it"
+            )
+        exposure_s = (source.exposure_s or stored.exposure_s or 0.0) * (source.sums or 1)
         times_s = exposure_s * np.arange(len(stored.counts), dtype=np.float64)
         if is_recording(source.path):
             with silent():  # it has said what is missing

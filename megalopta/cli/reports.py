@@ -23,11 +23,11 @@ from megalopta.cli.command import (
 @verb(
     "info",
     "show versions, the rendering variant and what would make it faster",
-    switch("--schema", "write JSON schemas of configurations and plans here, for editors"),
+    switch("--schema", "write JSON schemas of all YAML files here, for editors"),
 )
 def _info(options: Namespace) -> str | list[Path]:
     if options.schema:
-        from megalopta.config.schema import write_schemas
+        from megalopta.cli.schema import write_schemas
 
         return write_schemas(Path())
     from megalopta.stages.versions import describe
@@ -88,7 +88,8 @@ def _sensor(options: Namespace) -> list[str | Path]:
     option(
         "thing",
         "dataset folder, recording, or frames or events of any camera: .npy of packed bits or "
-        "counts, .spc3, TIFF, .bin of SPAD512 or SwissSPAD2, events in .h5",
+        "counts, .spc3, .mat, TIFF, .bin of SPAD512 or SwissSPAD2, a folder of PNG or TIFF of "
+        "bits (of counts: --format png), events in .h5",
         Path,
     ),
     option("--out", "folder (default: out/view/NAME)", Path),

@@ -40,10 +40,15 @@ _RECORDINGS = (
         positive,
     ),
     option("--beam-area-mm2", "area of a uniform beam; LIGHT is then its power in watts", positive),
+    option(
+        "--format",
+        "format of other cameras' recordings (default: by content, .bin: spad512)",
+        choices=FRAME_KINDS,
+    ),
 )
 """Options for recordings and their light."""
 
-VERBS["spadcam"] = Verb("record, calibrate and emulate the camera SPADCAM")
+VERBS["spadcam"] = Verb("calibrate and compare photon-counting cameras; record and emulate SPADCAM")
 
 
 @verb("spadcam list", "list USB serial ports, and whether they can be opened")
@@ -100,7 +105,10 @@ def _capture(options: Namespace) -> str:
     "from a .yaml list; or from .csv tables of `spadcam tags`",
     *_RECORDINGS,
     out("device.yaml", "device file"),
-    option("--preset", "sensor for what is not measured", default="spadcam"),
+    option(
+        "--preset",
+        "sensor for what is not measured (default: spadcam of its recordings, else ideal)",
+    ),
 )
 def _calibrate(options: Namespace) -> Iterator[object]:
     from megalopta.camera import calibration, sources
@@ -112,11 +120,11 @@ def _calibrate(options: Namespace) -> Iterator[object]:
         source = f"calibrated from {', '.join(path.name for path in paths)}"
         with refused_as("calibrate"):
             tables = [read_measurement(path) for path in paths]
-            yield calibration.write_array_device(out, tables, preset, source)
+            yield calibration.write_array_device(out, tables, preset or "ideal", source)
         yield out
         return
     beam = sources.Beam(options.wavelength_nm, options.beam_area_mm2)
-    named = sources.named_sources(words)
+    named = sources.named_sources(words, options.format)
     yield calibration.calibrate_recordings(named, out, beam=beam, base=preset)
     yield out
     yield out.with_suffix(".html")
@@ -133,12 +141,6 @@ def _calibrate(options: Namespace) -> Iterator[object]:
         "its speed in mm/s; or a rendered dataset's folder: LIGHT is then the light level in "
         "lux (without: that of the rendering)",
         default="levels",
-    ),
-    option(
-        "--format",
-        "format of other cameras' recordings (default: by content, .bin: spad512); "
-        "append their exposure: FILE@LIGHT:SECONDS",
-        choices=FRAME_KINDS,
     ),
     option("--margin", "relative difference to ignore", positive, 0.05),
     option("--seed", "seed of the simulation", at_least(0), 0),

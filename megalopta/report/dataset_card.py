@@ -139,20 +139,15 @@ def write_card(root: Path) -> Path:
     head = ("sensor", "exposure, s", "photons per pixel: 5 %", "median", "95 %", "saturated")
     template = Path(__file__).with_name("dataset_card.md").read_text("utf-8")
     text = template.format(
-        name=plain_text(plan.name),
-        description=plain_text(plan.description),
-        version=__version__,
-        license=LICENSE,
-        sequences=len(sequences),
-        frames=sum(row["frames"] for row in sequences),
+        name=plain_text(plan.name), description=plain_text(plan.description), version=__version__,
+        license=LICENSE, sequences=len(sequences), frames=sum(row["frames"] for row in sequences),
         bytes=size(sum(row["bytes"] for row in sequences)),
         sizes=", ".join(sorted({f"{row['width']} × {row['height']}" for row in sequences})),
-        splits=", ".join(f"`{name}` {splits[name]}" for name in plan.splits),
-        sample=plan.sample,
+        splits=", ".join(f"`{name}` {splits[name]}" for name in plan.splits), sample=plan.sample,
         kinds=_table(("", "sequences"), kinds),
         statistics=_table(("per sequence", "5 %", "median", "95 %"), statistics),
         exposures=_table(head, sensors),
-    )
+    )  # fmt: skip
     path = root / "README.md"
     files.write_text(path, text)
     return path

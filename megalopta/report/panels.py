@@ -130,18 +130,14 @@ def file_view(path: Path, treatment: Treatment, kind: FrameKind | None = None) -
     total, rows, columns = readings.shape[:3]
     frames = range(0, total - treatment.summed + 1, treatment.summed)
     step = math.ceil(max(rows, columns) / LONGEST_SIDE_PX)
-    frame_kind = "binary frames" if readings.is_binary else "frames"
+    frame_kind = "binary frames" if readings.bits == 1 else "frames"
     rate = rate_of(readings.times_s)
     return View(
         title=path.resolve().name,
         summary=f"{total} {frame_kind} of {columns} × {rows} pixels{rate or ', at unknown times'}.",
-        shape=(rows, columns),
-        frames=frames,
-        step=step,
-        times_s=readings.times_s,
-        treatment=treatment,
-        panels=(readings_panel(readings, frames, step),),
-    )
+        shape=(rows, columns), frames=frames, step=step, times_s=readings.times_s,
+        treatment=treatment, panels=(readings_panel(readings, frames, step),),
+    )  # fmt: skip
 
 
 def sequence_view(root: Path, treatment: Treatment) -> View:
@@ -182,18 +178,10 @@ def sequence_view(root: Path, treatment: Treatment) -> View:
         times_s = np.add.outer(times_s, bit_s * np.arange(burst)).ravel()
         summary += f", {burst} binary frames in each{rate_of(times_s)}"
     return View(
-        title=title(settings),
-        summary=f"{summary}.{caveat}",
-        shape=sequence.shape,
-        frames=frames,
-        step=step,
-        times_s=times_s,
-        treatment=treatment,
-        panels=tuple(panels),
-        rim=shown.rim,
-        burst=burst if exposures else 1,
-        sequence=sequence,
-    )
+        title=title(settings), summary=f"{summary}.{caveat}", shape=sequence.shape, frames=frames,
+        step=step, times_s=times_s, treatment=treatment, panels=tuple(panels), rim=shown.rim,
+        burst=burst if exposures else 1, sequence=sequence,
+    )  # fmt: skip
 
 
 def _held(panel: Panel, frames: int) -> Panel:
@@ -401,11 +389,9 @@ def readings_panel(readings: ShownReadings, frames: Listed[int], step: int) -> P
 
 
 def flow_panel(
-    kind: Literal["flow", "motion"],
-    name: str,
-    flow: Callable[[int], NDArray[np.floating]],
+    kind: Literal["flow", "motion"], name: str, flow: Callable[[int], NDArray[np.floating]],
     fastest: float,
-) -> Panel:
+) -> Panel:  # fmt: skip
     """Return flow (h, w, 2) of frames as colors; the speed `fastest` has the full one."""
     caption = f"hue is direction (red to the right), full color {number(fastest)} px per frame"
 

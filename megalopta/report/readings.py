@@ -45,8 +45,6 @@ class Treatment:
     def description(self) -> str:
         """Return what was done, in sentences; nothing where nothing was."""
         sentences = []
-        if self.summed > 1:
-            sentences.append(f"{self.summed} frames are taken together.")
         if self.is_inverted:
             sentences.append(
                 "The sensor's response is inverted: gray is the mean number of detections in a "
@@ -68,7 +66,8 @@ class ShownReadings:
     unit: str = "counts"
     sensor: ImageSensor | None = None
     """Where it is known"""
-    is_binary: bool = False
+    bits: int = 0
+    """Binary frames in each: 1 of bits, more of sums, 0 of counts"""
     times_s: Floats | None = None
     """Time of each frame, s, where it is known"""
     treatment: Treatment = field(default_factory=Treatment)
@@ -85,9 +84,9 @@ class ShownReadings:
                 f"--bad-pixels: a mask of {treatment.bad.shape[1]} × {treatment.bad.shape[0]} "
                 f"pixels, but frames have {columns} × {rows}; give one of their size"
             )
-        if treatment.is_inverted and self.is_binary and treatment.summed == 1:
+        if treatment.is_inverted and self.bits * treatment.summed == 1:
             raise UserError("--invert: one binary frame does not determine the flux; add --sum 64")
-        if treatment.is_inverted and not (self.is_binary or isinstance(self.sensor, Sensor)):
+        if treatment.is_inverted and not (self.bits or isinstance(self.sensor, Sensor)):
             raise UserError(
                 "--invert: the response of this sensor is not known; omit it, or give binary "
                 "frames, a recording, or a dataset of a SPAD array"
@@ -101,16 +100,16 @@ class ShownReadings:
         end, most = number + summed, max(1, _AT_ONCE // math.prod(self.shape[1:]))
         for first in range(number, end, most):
             counts, full = self.read(slice(first, min(first + most, end)))
-            if is_inverted and not self.is_binary:
+            if is_inverted and not self.bits:
                 full = full | (counts > self._curve.largest)
                 counts = self._curve.arrivals_of(counts.astype(np.float64))
             values += counts.sum(axis=0, dtype=np.float64)
             is_full |= full.any(axis=0)
         if is_inverted:
-            values /= summed
-        if is_inverted and self.is_binary:
+            values /= summed * max(self.bits, 1)
+        if is_inverted and self.bits:
             # a share e⁻ᶠ of the frames has no detection, where there are f on average
-            most_share = 1 - 0.5 / summed
+            most_share = 1 - 0.5 / (summed * self.bits)
             is_full = values > most_share
             values = -np.log1p(-np.minimum(values, most_share))
         if (bad := self.treatment.bad) is None:
@@ -172,7 +171,9 @@ def _is_stated(path: Path, kind: FrameKind | None) -> bool:
         return True
     try:
         return look_at(Source(path=path))[1].values == "bits"
-    except UserError:
+    except UserError as problem:
+        if type(problem.__cause__) is ValueError:  # frames of two sizes, or links
+            raise
         return False
 
 
@@ -192,7 +193,7 @@ def _of_frames(
 ) -> ShownReadings:
     """Return frames of this size and rate, which a file may state itself."""
     first, path = source.read(slice(0, 1), size), source.path
-    shape, is_binary = first.counts.shape[1:], first.bit_depth == 1
+    shape, bits = first.counts.shape[1:], int(first.bit_depth == 1) or source.sums or 0
     if len(shape) > 2 and shape[2] != 3:
         raise ValueError(f"{path}: {shape[2]} colors of a pixel; give gray frames, or three")
     check_decoded(path, shape, 40)  # bytes of a reading while its frame is drawn
@@ -204,10 +205,10 @@ def _of_frames(
         return counts, np.zeros(counts.shape, np.bool_)
 
     times_s = None
-    if period_s := 1 / rate_hz if rate_hz else source.exposure_s:
+    if period_s := 1 / rate_hz if rate_hz else (source.exposure_s or 0.0) * max(bits, 1):
         times_s = period_s * np.arange(first.total, dtype=np.float64)
-    unit = "detections" if is_binary else "counts"
-    return ShownReadings((first.total, *shape), read, unit, is_binary=is_binary, times_s=times_s)
+    unit = "detections" if bits else "counts"
+    return ShownReadings((first.total, *shape), read, unit, bits=bits, times_s=times_s)
 
 
 def _of_events(path: Path) -> ShownReadings:

@@ -109,14 +109,9 @@ def as_text(title: str, sections: Iterable[Section]) -> str:
 
 
 def write_sections(
-    path: Path,
-    title: str,
-    summary: str,
-    sections: Iterable[Section | None],
-    header: str = "",
-    footer: str = "",
-    player: Player | None = None,
-) -> Path:
+    path: Path, title: str, summary: str, sections: Iterable[Section | None], header: str = "",
+    footer: str = "", player: Player | None = None,
+) -> Path:  # fmt: skip
     """Write a page atomically; return its path. Text that is not marked as safe is escaped.
 
     `header` is HTML below the summary.

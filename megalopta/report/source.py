@@ -135,17 +135,14 @@ class Report:
             rendering, shot, _ = variances(noise, settings, opened.sensor, scale)
             relative_noise = math.sqrt(max(rendering, 0.0) / shot) if shot else math.inf
         return Budget(
-            sensor=opened.sensor,
-            level=level,
-            photons=float(opened["photons"][frames].mean()),
-            detected=float(detected.mean()),
-            dark=float(dark.mean_reading.mean()),
+            sensor=opened.sensor, level=level, photons=float(opened["photons"][frames].mean()),
+            detected=float(detected.mean()), dark=float(dark.mean_reading.mean()),
             expected=opened["mean_reading"].mean(),
             signal_to_noise=float(np.median(lit.signal_to_noise(brighter, _BRIGHTER))),
             saturated_fraction=opened["saturated"].mean(),
             photons_per_frame=float(detected.sum(axis=(1, 2)).mean()),
             rendering_noise=relative_noise,
-        )
+        )  # fmt: skip
 
     def of(self, sensor: str) -> list[Budget]:
         """Return the budgets of a sensor, from the brightest light on."""

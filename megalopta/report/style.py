@@ -6,8 +6,9 @@ dash. Only matplotlib's object interface is used: no window, no state shared bet
 
 import io
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from functools import cache
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Literal
@@ -17,7 +18,7 @@ import matplotlib
 import numpy as np
 from markupsafe import Markup
 from matplotlib.axes import Axes
-from matplotlib.colors import hsv_to_rgb, to_hex
+from matplotlib.colors import hsv_to_rgb, to_hex, to_rgb
 from matplotlib.figure import Figure
 from matplotlib.ticker import EngFormatter, FuncFormatter, NullLocator, ScalarFormatter
 from matplotlib.typing import LineStyleType
@@ -53,16 +54,35 @@ _STYLE = matplotlib.rc_params_from_file(
 )
 
 
-def method_style(name: str) -> dict[str, Any]:
+@cache
+def _free_colors(methods: tuple[str, ...]) -> tuple[str, ...]:
+    """Return colors, each as far as possible from those before it and those of methods (CIELAB)."""
+    from skimage.color import rgb2lab
+
+    axes = np.meshgrid(np.arange(48) / 48, (0.6, 1), (0.4, 0.6, 0.8))
+    shades = hsv_to_rgb(np.stack(axes, -1).reshape(-1, 3))
+    taken = [to_rgb(color) for color in (*map(METHOD_COLORS.__getitem__, methods), BLACK, GRAY)]
+    for _ in range(8):
+        nearest = np.linalg.norm(rgb2lab(shades)[:, None] - rgb2lab(taken), axis=-1).min(axis=1)
+        taken.append(shades[nearest.argmax()])
+    return tuple(to_hex(color) for color in taken[-8:])
+
+
+def method_style(name: str, among: Sequence[str] = tuple(METHOD_COLORS)) -> dict[str, Any]:
     """Return color, marker and dash of a method: solid for the dissertation's, dashed for others.
 
-    `DIS tuned` looks like DIS. A Python function, which is not in the list, gets a hue by its name.
+    `DIS tuned` looks like DIS. A method that is not in the list, such as a Python function, gets a
+    color that none `among` those of the plot has, by its place or its name.
     """
-    name = name.removesuffix(" tuned")
+    name, *among = (text.removesuffix(" tuned") for text in (name, *among))
     number = list(METHODS).index(name) if name in METHODS else crc32(name.encode())
-    hue = to_hex(hsv_to_rgb((number % 360 / 360, 0.9, 0.6)).tolist())
+    others = [other for other in among if other not in METHOD_COLORS]
+    color = METHOD_COLORS.get(name)
+    if color is None:
+        free = _free_colors(tuple(known for known in among if known in METHOD_COLORS))
+        color = free[(others.index(name) if name in others else number) % len(free)]
     return {
-        "color": METHOD_COLORS.get(name, hue),
+        "color": color,
         "marker": MARKERS[(number + number // len(MARKERS)) % len(MARKERS)],
         "linestyle": "-" if name in THESIS_METHODS else "--",
     }
@@ -126,7 +146,7 @@ def to_svg(figure: Figure, name: str, description: str) -> Markup:
     file = io.StringIO()
     with matplotlib.rc_context({"svg.hashsalt": name}):
         nothing = dict.fromkeys(("Creator", "Date", "Format", "Type"))
-        figure.savefig(file, format="svg", transparent=True, metadata=nothing)
+        figure.savefig(file, format="svg", transparent=True, metadata=nothing, dpi=200)
     inside = file.getvalue().partition("</style>")[2].partition("</defs>")[2]
     inside = re.sub(r' id="[^"]+_\d+"', "", inside)  # of groups, the same in every figure
     for color, css in _THEMED.items():
@@ -150,25 +170,25 @@ def with_legend(figure: Figure, name: str, description: str, **legend: Any) -> M
 
 @in_style
 def map_chart(
-    values: Floats,
-    name: str,
-    title: str,
-    limits: tuple[float, float] | None = None,
+    values: Floats, name: str, title: str, limits: tuple[float, float] | None = None,
     colors: str = "viridis",
-) -> Markup:
+) -> Markup:  # fmt: skip
     """Return a map of pixels (rows, columns) with its color bar; unknown pixels are gray."""
     figure = Figure(figsize=(CHART_PT[0] / _POINTS_PER_INCH, CHART_PT[1] / _POINTS_PER_INCH))
     axes, bar = figure.add_axes(_MAP), figure.add_axes(_BAR)
     low, high = limits or color_limits(values)
     shades = matplotlib.colormaps[colors].with_extremes(bad=GRAY)
     picture = axes.imshow(values, cmap=shades, vmin=low, vmax=high, interpolation="nearest")
-    figure.colorbar(picture, cax=bar, format=ScalarFormatter(useOffset=False))
+    figure.colorbar(picture, cax=bar, format=ScalarFormatter(useOffset=False), extend="both")
     axes.set(title=title, xlabel="column", ylabel="row")
     return to_svg(figure, name, f"Map of the {title}")
 
 
 def color_limits(*maps: Floats) -> tuple[float, float]:
-    """Return the ends of a color scale that holds 98 % of the known pixels."""
+    """Return the ends of a color scale that holds 98 % of the known pixels, or the usual ones."""
     known = np.concatenate([values[np.isfinite(values)] for values in maps])
-    low, high = np.percentile(known, (1, 99)) if known.size else (0.0, 1.0)
-    return float(low), float(high)
+    if not known.size:
+        return 0.0, 1.0
+    low, lower, median, upper, high = np.percentile(known, (1, 25, 50, 75, 99)).tolist()
+    spread = 6 * (upper - lower) or np.inf  # few hot pixels would darken all others
+    return max(low, median - spread), min(high, median + spread)

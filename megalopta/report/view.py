@@ -27,6 +27,8 @@ from megalopta.sensor.formats.reading import FrameKind
 _FILM_FRAMES = 300
 _STRIP_PX = 16_000
 """Height of the frames of a page above each other, which browsers must be able to draw"""
+_PANEL_BYTES = 1_500_000
+"""Of the frames of a panel on a page, which noise would exceed"""
 _RERUN_FRAMES, _RERUN_POINTS = 60, 20_000
 """Most frames, and points of a frame"""
 _PLACES = {"light": ["world", "camera", "light"], "readings": ["readings"]}
@@ -120,9 +122,12 @@ def _write_film(shown: View, folder: Path, fps: float | None) -> list[Path]:
 def _write_page(shown: View, path: Path, fps: float | None) -> Path:
     """Write the page: one film of light and motion, and of the chosen sensor and level."""
     films = len(shown.of("readings")) + 2 * len(shown.of("light", "motion"))
-    most = min(MOST_FRAMES, _STRIP_PX * shown.step // shown.shape[0])
+    pictures = (panel.picture(shown.frames[-1]) for panel in shown.panels)
+    frame_bytes = max(len(images.data_uri(picture)) for picture in pictures)
+    most = min(MOST_FRAMES, _STRIP_PX * shown.step // shown.shape[0], _PANEL_BYTES // frame_bytes)
     fitting, step = images.selection(shown.frames, shown.shape, films, LONGEST_SIDE_PX, most)
-    total, what = len(shown.frames), "sums" if shown.treatment.summed > 1 else "frames"
+    total, summed = len(shown.frames), shown.treatment.summed if shown.of("readings") else 1
+    what = f"sums of {summed} frames" if summed > 1 else "frames"
     apart, film_apart = math.ceil(total / len(fitting)), math.ceil(total / _FILM_FRAMES)
     frames = shown.frames[::apart]
     sensors, levels = _exposures(shown)
@@ -140,8 +145,10 @@ def _write_page(shown: View, path: Path, fps: float | None) -> Path:
                 parts.append(block("", film))
             advance()
     body = block("panels", *parts) + (images.wheel(shown.rim) if shown.rim else "")
-    sampled = f"The page shows one in {apart} of {total} {what}, the film one in {film_apart}."
-    summary = [shown.summary, sampled.replace("one in 1 of", "all").replace("one in 1.", "all.")]
+    sampled = f"Of {total} {what}, the page shows one in {apart}, the film one in {film_apart}."
+    if apart == film_apart == 1:
+        sampled = f"Page and film show all {total} {what}."
+    summary = [shown.summary, sampled.replace("one in 1,", "all,").replace("one in 1.", "all.")]
     if shown.of("readings"):
         summary.append(shown.treatment.description())
     if player.real_hz is not None:
@@ -151,13 +158,10 @@ def _write_page(shown: View, path: Path, fps: float | None) -> Path:
         summary.append(f"It plays {'in real time' if is_real else f'{ratio} than in reality'}.")
     pixels = "all pixels" if step == 1 else f"one of {step} × {step} pixels"
     return write_sections(
-        path,
-        shown.title,
-        " ".join(filter(None, summary)),
-        [Section("Side by side" if len(parts) > 1 else "What was read", body=body)],
-        footer=f"Written by megalopta {__version__}. The page shows {pixels}.",
-        player=player,
-    )
+        path, shown.title, " ".join(filter(None, summary)),
+        [Section("Side by side" if len(parts) > 1 else "Readings", body=body)],
+        footer=f"Written by megalopta {__version__}. The page shows {pixels}.", player=player,
+    )  # fmt: skip
 
 
 def write_rrd(path: Path, shown: View) -> Path:

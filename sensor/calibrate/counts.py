@@ -61,10 +61,11 @@ class Summed(NamedTuple):
 
 
 def summed(
-    readings: NDArray[Any], exposure_s: float, light_hz: float, *, is_binary: bool
+    readings: NDArray[Any], exposure_s: float, light_hz: float = 0.0, *, is_binary: bool = False
 ) -> Summed:
     """Sum up a recording: counts, or bits as 0 and 1, (n, rows, columns).
 
+    `light_hz` is photons per second on a pixel, or any unit that all recordings share; 0: dark.
     Raises ValueError if there are too few frames, or readings drift.
     """
     n = len(readings)
@@ -75,8 +76,10 @@ def summed(
     return recording
 
 
-def summed_bits(sums: NDArray[Any], bits: int, exposure_s: float, light_hz: float) -> Summed:
+def summed_bits(sums: NDArray[Any], bits: int, exposure_s: float, light_hz: float = 0.0) -> Summed:
     """Sum up a recording whose frames (n, rows, columns) are sums of so many binary frames each.
+
+    The exposure is that of one binary frame, and the light as of `summed`.
 
     Telegraph noise is not looked for. Drift is, in 50 frames or more.
 
@@ -165,8 +168,28 @@ class _Recorded(NamedTuple):
 def calibrate_counts(recordings: Sequence[Summed], known: DeadTime | None = None) -> CountingDevice:
     """Estimate what the recordings of a camera determine, with 95 % CI.
 
-    `known` is a dead time that corrects counts if recordings do not determine it. Raises ValueError
-    if recordings are of different arrays, or light has no effect.
+    Raises ValueError if recordings are of different arrays, or light has no effect.
+
+    Parameters
+    ----------
+    recordings
+        `summed` counts or bits in the dark and under uniform light.
+    known
+        Dead time that corrects counts if recordings do not determine it.
+
+    Returns
+    -------
+    CountingDevice
+        Maps of dark counts and efficiency, dead time, crosstalk, bad pixels, and in `refused` why
+        an estimate is missing. `megalopta spadcam calibrate` writes them as a device file.
+
+    Examples
+    --------
+    >>> draw = np.random.default_rng(0).poisson
+    >>> dark, lit = draw(3.0, (300, 8, 8)), draw(23.0, (300, 8, 8))
+    >>> device = calibrate_counts([summed(dark, 1e-2), summed(lit, 1e-2, 1e4)])
+    >>> round(device.dark_counts_hz.median), round(device.efficiency.median, 2)
+    (300, 0.2)
     """
     _check(recordings)
     recorded, dead, stuck, capacity = _usable(recordings)
@@ -287,7 +310,7 @@ def _dead_time(
 ) -> tuple[DeadTimeEstimate, Floats] | str:
     """Dead time, and lights scaled to all arrivals; or why not."""
     if recorded.is_binary:
-        return "bits do not show it; give that of the data sheet"
+        return "bits do not show it; write dead_time of the data sheet into the device file"
     levels, lit = len(recorded.frames), recorded.light_hz > 0
     used = recorded.used.reshape(levels, -1)
     good = np.flatnonzero(used[lit].sum(axis=0) > 1)

@@ -19,7 +19,7 @@ _LOUDEST = 2.0
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Device(CountingDevice):
+class AnalogDevice(CountingDevice):
     """Estimates of a device whose events an analog counter counts, and the data behind them."""
 
     offset_v: Estimate
@@ -45,13 +45,36 @@ class Device(CountingDevice):
 
 def calibrate_device(
     levels: Sequence[Level], counter: AnalogCounter, known: DeadTime | None = None
-) -> Device:
-    """Estimate all parameters that levels determine, with 95 % CI.
+) -> AnalogDevice:
+    """Estimate what recordings of ADC codes determine of an analog counter and its pixels.
 
-    `levels` are dark frames at three or more exposures, and flat frames of any number of lights;
-    `counter` tells its supply, swing and ADC; `known` is a dead time that corrects counts if levels
-    do not determine it. Raises ValueError if the recordings are insufficient (`check_levels`), or
-    the shortest dark exposure is too long to determine the level of no counts.
+    Raises ValueError if they are insufficient (`check_levels`), noise hides single events, or the
+    shortest dark exposure is too long to determine the reading of no counts.
+
+    Parameters
+    ----------
+    levels
+        Codes in the dark at three or more exposures, and under uniform light at any number.
+    counter
+        Its supply, swing and ADC.
+    known
+        Dead time that corrects counts if levels do not determine it.
+
+    Returns
+    -------
+    AnalogDevice
+        As `calibrate_counts`, and maps of offset, leak, step and read noise.
+
+    Examples
+    --------
+    >>> from megalopta.sensor import changed, expose_adc, preset
+    >>> camera, none = preset("spadcam"), np.zeros((60, 4, 4))
+    >>> dark = [
+    ...     Level(expose_adc(none, changed(camera, exposure_s=s), seed=0, stream=f"{s} s"), s)
+    ...     for s in (1e-3, 1e-2, 5e-2)
+    ... ]
+    >>> round(1e3 * calibrate_device(dark, camera.counter).step_v.median, 1)  # mV
+    10.0
     """
     check_levels(levels, counter)
     shape = levels[0].readings.shape[1], levels[0].readings.shape[2]
@@ -75,7 +98,7 @@ def calibrate_device(
     mean = np.divide(
         fit.counts, drops.frames, np.full_like(fit.counts, np.nan), where=drops.frames > 0
     )
-    return Device(
+    return AnalogDevice(
         **vars(calibrate_counts(recordings, known)),
         offset_v=offset, leak_v_s=leak, step_v=step,
         read_noise_v=Estimate.normal(read_v, read_error / np.maximum(read_v, 1e-12), shape),

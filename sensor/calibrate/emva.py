@@ -206,20 +206,15 @@ def emva(
     efficiency, saturation = responsivity / gain, float(photons[last])
     threshold = (math.hypot(dark_noise, math.sqrt(rounding) / gain) + excess_noise / 2) / efficiency
     return Emva(
-        efficiency=efficiency,
-        responsivity=responsivity,
-        gain=gain,
-        excess_noise=excess_noise,
-        dark_noise=dark_noise,
-        dsnu=Nonuniformity.of(dark.mean, dark.noise / dark.frames, gain),
+        efficiency=efficiency, responsivity=responsivity, gain=gain, excess_noise=excess_noise,
+        dark_noise=dark_noise, dsnu=Nonuniformity.of(dark.mean, dark.noise / dark.frames, gain),
         prnu=Nonuniformity.of(more, float(mean_noise), float(np.nanmean(more))),
         linearity_error=float(np.mean(np.abs(level[within] / (line[0] + line[1] * x) - 1))),
-        threshold_photons=threshold,
-        saturation_photons=saturation,
+        threshold_photons=threshold, saturation_photons=saturation,
         saturation_electrons=efficiency * saturation,
         snr_db=10 * math.log10(efficiency * saturation / excess_noise),
         dynamic_range_db=20 * math.log10(saturation / threshold),
-    )
+    )  # fmt: skip
 
 
 def device_emva(sensor: Sensor | FrameSensor, shape: tuple[int, int], wavelength_nm: float) -> Emva:

@@ -25,7 +25,7 @@ class Misfit(NamedTuple):
 
     def __str__(self) -> str:
         if np.isnan(self.p):
-            return "not tested, as it fits whatever is recorded"
+            return "not tested: too few levels"
         if not self.is_clear:
             return f"fits (p = {self.p:.2g})"
         return f"does not fit: a {self.of} differs by {100 * self.share:+.2g} %"

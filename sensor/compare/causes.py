@@ -28,7 +28,7 @@ from scipy.stats import chi2, f, norm
 
 from megalopta.core.arrays import Floats, Ints, Mask
 from megalopta.sensor.calibrate.level import Level, inverses
-from megalopta.sensor.change import changed as changed_device
+from megalopta.sensor.change import changed
 from megalopta.sensor.compare.left import left_of_all, strength
 from megalopta.sensor.compare.residual import Residual
 from megalopta.sensor.compare.two_sample import BLOCKS, Difference
@@ -144,7 +144,7 @@ def _causes_of(levels: Sequence[Residual]) -> tuple[Cause, ...]:
     # frames do not show the delay, which is assumed
     per_event = f"carriers per event at a delay of {1e6 * model.delay_s:.3g} µs"
     causes = [
-        Cause("dark counts", "Hz", dark_hz),
+        Cause("dark counts", "Hz, mean of pixels", dark_hz),
         Cause("dead time", "s", dead_s, 1e-9, -dead_s, 0.1 * max(dead_s, 1e-7)),
         Cause("afterpulsing", per_event, carriers, 0.02, -carriers, 0.05),
         Cause("crosstalk", "neighbors per event", neighbors, 0.02, -neighbors, 0.02),
@@ -159,7 +159,9 @@ def _causes_of(levels: Sequence[Residual]) -> tuple[Cause, ...]:
         if level.good.any() and level.expected.light_hz
     ]
     if any(level.expected.light_hz for level in levels):
-        causes.insert(1, Cause("efficiency", "events per photon", (*efficiencies, 0.0)[0]))
+        causes.insert(
+            1, Cause("efficiency", "events per photon, mean of pixels", (*efficiencies, 0.0)[0])
+        )
     if isinstance(counter, AnalogCounter) and levels[0].expected.codes is not None:
         # with rounding by the ADC
         noise = float(np.hypot(counter.read_noise_v, counter.lsb_v / 12**0.5) / counter.step_v)
@@ -201,12 +203,9 @@ class Causes:
 
 
 def find_causes(
-    levels: Sequence[Residual],
-    *,
-    margin: float,
-    calibration: dict[str, float],
+    levels: Sequence[Residual], *, margin: float, calibration: dict[str, float],
     is_left: bool = False,
-) -> Causes:
+) -> Causes:  # fmt: skip
     """Find what parameters of a device explain how captured and expected levels differ.
 
     Sizes are fitted to every other block of frames. Each explanation is then simulated, and is one
@@ -232,7 +231,7 @@ def find_causes(
             # each is needed
             fits = [one for one in fits if (np.abs(one.sizes) > 4 * one.errors).all()]
             for one in sorted(fits, key=lambda one: one.chi_square)[:_SIMULATED]:
-                after = strength(left_of_all([changed(half, one) for half in others]))
+                after = strength(left_of_all([as_explained(half, one) for half in others]))
                 # two causes explain much by chance
                 if after < (_LEFT if many == 1 else 1e-9) * before:
                     supported.append((after + 0.1 * one.chi_square, after, one))
@@ -270,7 +269,7 @@ def _halves(level: Residual) -> tuple[Residual, Residual]:
     return replace(level, captured=first), replace(level, captured=second)
 
 
-def changed(level: Residual, explanation: Explanation) -> Residual:
+def as_explained(level: Residual, explanation: Explanation) -> Residual:
     """Return a level whose expected frames are those of a changed device."""
     moved = replace(level, uncertainty=dict(level.uncertainty), readout=list(level.readout))
     moved.quiet = {*level.quiet, "bit"}
@@ -404,7 +403,7 @@ class _Search:
 def _coincidences(neighbors: float, level: Residual) -> float:
     """Covariance with the right and lower neighbor over the variance, by crosstalk."""
     good, parts = level.good, level.parts
-    crosstalk = changed_device(level.model.sensor.crosstalk, mean_fired_neighbors=0.1)
+    crosstalk = changed(level.model.sensor.crosstalk, mean_fired_neighbors=0.1)
     weights = neighborhoods(crosstalk).mean(axis=(0, 1))
     # each of four nearest neighbors gets a share; both directions of a pair covary
     row, column = (side // 2 for side in weights.shape)

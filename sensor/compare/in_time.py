@@ -332,11 +332,9 @@ def remove_gain(level: Residual, excess: NDArray[Any]) -> None:
 
 
 def _quantity(
-    levels: Sequence[Residual],
-    courses: Sequence[_Course],
-    slopes: Sequence[Floats],
+    levels: Sequence[Residual], courses: Sequence[_Course], slopes: Sequence[Floats],
     errors: Sequence[Floats],
-) -> str:
+) -> str:  # fmt: skip
     """Return what changes by one amount in the good pixels (P,) of all levels, or "".
 
     Slopes and their errors are counts. The best quantity leaves chance, or a tenth of χ², and is

@@ -63,11 +63,7 @@ class Whole(NamedTuple):
     def of(cls, signal: NDArray[Any]) -> "Whole":
         """Read the frames (n, rows, columns) in blocks, as they may be mapped from a file."""
         n, *shape = signal.shape
-        sums, rows, columns = (
-            np.zeros((2, *shape)),
-            np.zeros((n, shape[0])),
-            np.zeros((n, shape[1])),
-        )
+        sums, rows, columns = map(np.zeros, ((2, *shape), (n, shape[0]), (n, shape[1])))
         for start in range(0, n, 32):
             part = slice(start, start + 32)
             _add(np.asarray(signal[part], np.float32), sums, rows[part], columns[part])
@@ -77,7 +73,7 @@ class Whole(NamedTuple):
 
     def unsteady(self, level: Level) -> list[Left]:
         """Return the lines, and all pixels, whose means change from block to block of frames."""
-        found = []
+        misfits = []
         all_ = self.rows.mean(axis=1, keepdims=True)
         series = {"all pixels": all_, "rows": self.rows, "columns": self.columns}
         for name, means in series.items():
@@ -86,8 +82,8 @@ class Whole(NamedTuple):
             between = np.var([block.mean(axis=0) for block in blocks], axis=0, ddof=1)
             ratio = between * len(means) / BLOCKS / np.maximum(within, 1e-12)
             p = f.sf(ratio / 1.05, BLOCKS - 1, len(means) - BLOCKS)
-            found += _rarest(f"time in {name} of all frames", level, p)
-        return found
+            misfits += _rarest(f"time in {name} of all frames", level, p)
+        return misfits
 
 
 @compiled(fastmath={"reassoc", "contract"})
@@ -177,7 +173,7 @@ def left_of(level: Residual, quiet: Sequence[str] = ()) -> list[Left]:
     captured, expected = (
         statistics(frames, good, mean, sigma) for frames in (level.captured, level.expected)
     )
-    found = []
+    misfits = []
     signal = float((level.expected_mean[good] / np.maximum(sigma[good], 1e-6)).mean())
     for name in captured.keys() & expected.keys():
         if name.startswith(tuple(quiet)):
@@ -200,15 +196,15 @@ def left_of(level: Residual, quiet: Sequence[str] = ()) -> list[Left]:
         freedom = 2 * (BLOCKS - 1) if forgiven**2 < counted else 1000
         p = float(2 * t.sf(abs(change) / error, freedom))
         if p < CHANCE:
-            found.append(Left(name, level.captured, change, float(norm.isf(p / 2) if p else 40)))
-    found += _maps_left(level, quiet)
-    return sorted(found, key=lambda one: -one.z)
+            misfits.append(Left(name, level.captured, change, float(norm.isf(p / 2) if p else 40)))
+    misfits += _maps_left(level, quiet)
+    return sorted(misfits, key=lambda one: -one.z)
 
 
 def _maps_left(level: Residual, quiet: Sequence[str]) -> list[Left]:
     """Maps of means and variances whose pixels scatter more than by chance."""
     first, second = Sample.of(level.captured.signal), Sample.of(level.expected.signal)
-    found = []
+    misfits = []
     tests = {
         "mean of pixels": mean_test(first, second, np.hypot(level.error, level.doubted)),
         "variance of pixels": variance_test(first, second, level.error),
@@ -222,8 +218,8 @@ def _maps_left(level: Residual, quiet: Sequence[str]) -> list[Left]:
         chance = min(float(chi2.sf(scatter / 1.02, p.size)), float(p.min()) * p.size)
         if chance < CHANCE:
             z = float(norm.isf(max(chance, 1e-300)))
-            found.append(Left(name, level.captured, scatter / p.size, z))
-    return found
+            misfits.append(Left(name, level.captured, scatter / p.size, z))
+    return misfits
 
 
 def unsteady(level: Residual) -> list[Left]:
@@ -231,7 +227,7 @@ def unsteady(level: Residual) -> list[Left]:
 
     Means of blocks of frames scatter by the variance within blocks, of which χ² has a chance.
     """
-    good, found = level.good, []
+    good, misfits = level.good, []
     if good.sum() < 16 or len(level.captured.readings) < 4 * BLOCKS:
         return []
     sums: list[dict[str, tuple[Floats, Floats]]] = []
@@ -256,7 +252,7 @@ def unsteady(level: Residual) -> list[Left]:
     z, used = noise[1]
     of_expected = np.where(used, (z[1:] * z[:-1]).sum(axis=0), 0).sum() / max(used.sum(), 1)
     bias = float(of_expected) if len(z) == len(noise[0][0]) else -1.0
-    found += _lines_of_parts(level, *noise[0], usual_noise, bias)
+    misfits += _lines_of_parts(level, *noise[0], usual_noise, bias)
     for name, (all_, slow) in sums[0].items():
         for squares, usual, freedom in (
             (all_, sums[1][name][0], BLOCKS - 1),
@@ -264,24 +260,24 @@ def unsteady(level: Residual) -> list[Left]:
         ):
             ratio = squares / np.maximum(usual / freedom, 1.0) if usual.size == 1 else squares
             p = chi2.sf(ratio / 1.05, freedom)
-            found += _rarest(f"time in {name}", level.captured, p)
+            misfits += _rarest(f"time in {name}", level.captured, p)
         if name == "pixels":
             total = chi2.sf(all_.sum() / 1.05, all_.size * (BLOCKS - 1))
             if all_.sum() > 1.1 * sums[1][name][0].sum():
-                found += _rarest("time of pixels", level.captured, np.array([total]))
-    return found
+                misfits += _rarest("time of pixels", level.captured, np.array([total]))
+    return misfits
 
 
 def _lines_of_parts(
     level: Residual, z: NDArray[Any], used: Mask, usual: Mapping[str, float], bias: float
 ) -> list[Left]:
     """Noise, and lines in the spectra, of parts of the array."""
-    found = []
+    misfits = []
     lags = _of_parts((z[1:] * z[:-1]).sum(axis=0, keepdims=True), used)
     for name, (series, number) in _of_parts(z, used).items():
         series = series.reshape(len(z), -1)
         if name == "pixels":
-            found += _lines_of_pixels(level, series[:, np.ravel(used)][:, :_MOST_PIXELS])
+            misfits += _lines_of_pixels(level, series[:, np.ravel(used)][:, :_MOST_PIXELS])
             continue
         # readings less their mean are correlated by −1/n
         near = (np.ravel(lags[name][0]) - bias * np.ravel(number)) / np.sqrt(
@@ -289,17 +285,17 @@ def _lines_of_parts(
         )
         doubt = np.hypot(1, (bias != -1.0) * np.sqrt(np.ravel(number) / max(used.sum(), 1)))
         p = 2 * norm.sf(np.abs(near) / doubt / max(usual[name], 1.0))
-        found += _rarest(f"lag of {name}", level.captured, p)
+        misfits += _rarest(f"lag of {name}", level.captured, p)
         squares = np.square(series).sum(axis=0) / np.maximum(np.ravel(number), 1)
         p = chi2.sf(squares / max(usual[name], 1.0) / 1.01, len(z) - 1)
-        found += _rarest(f"noise of {name}", level.captured, p)
+        misfits += _rarest(f"noise of {name}", level.captured, p)
         power = np.square(np.abs(np.fft.rfft(series, axis=0)[2:-1]))
         typical = np.median(power, axis=0) / np.log(2)
         largest = (power / np.where(typical > 0, typical, np.inf)).max(axis=0)
         # relative to a median that is itself uncertain
         p = np.exp(np.log(power.shape[0]) - largest / 1.15)
-        found += _rarest(f"time in {name}, a line", level.captured, p)
-    return found
+        misfits += _rarest(f"time in {name}, a line", level.captured, p)
+    return misfits
 
 
 def _rarest(name: str, level: Level, p: Floats) -> list[Left]:

@@ -83,14 +83,9 @@ class Model:
         return any(len(rate_hz) > 1 for rate_hz in self.rates_hz)
 
     def draw(
-        self,
-        level: Level,
-        rate_hz: Floats,
-        seed: int,
-        stimulus: str = "",
-        changes: Mapping[str, float] = MappingProxyType({}),
-        frames: int = 0,
-    ) -> Level:
+        self, level: Level, rate_hz: Floats, seed: int, stimulus: str = "",
+        changes: Mapping[str, float] = MappingProxyType({}), frames: int = 0,
+    ) -> Level:  # fmt: skip
         """Draw as many frames as a level has, or so many, of a device changed as in `moments`.
 
         Its exposure and step change relatively, its offset by counts, the variance of its read

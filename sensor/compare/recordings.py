@@ -5,22 +5,30 @@ Each step leaves to the next what it cannot explain.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from megalopta.core.arrays import Floats, Mask
+from megalopta.core.bounded import ARRAY_BYTES, plain_array, read_bytes
+from megalopta.core.errors import UserError
 from megalopta.core.quantities import with_error
 from megalopta.sensor.calibrate.level import Level
 from megalopta.sensor.calibrate.pixels import correlation
 from megalopta.sensor.calibrate.statistics import statistics
+from megalopta.sensor.change import changed
 from megalopta.sensor.compare import faults as readout, in_time, pattern, two_sample
-from megalopta.sensor.compare.causes import Causes, changed, find_causes
+from megalopta.sensor.compare.causes import Causes, as_explained, find_causes
 from megalopta.sensor.compare.faults import Fault
 from megalopta.sensor.compare.left import Left, Whole, left_of_all, strength, unsteady
 from megalopta.sensor.compare.model import Model, one_by_one
 from megalopta.sensor.compare.residual import Residual
+from megalopta.sensor.compare.two_sample import BLOCKS, Difference, PixelTest, Sample
+from megalopta.sensor.spad.device import draw_fixed_pattern
+from megalopta.sensor.spad.measured import MapFile
+from megalopta.sensor.spad.model import Sensor
 
 FALSE_ALARMS = 0.01
 """Largest share of comparisons of a device with itself that raise an alarm."""
@@ -29,7 +37,7 @@ MARGIN = 0.05
 _FAMILIES = 5
 SOFT = ("odd block", "uneven light", "light leak", "hot pixel", "deviating pixel")
 """Faults that are none if much is left that nothing explains"""
-_FEWEST_FRAMES = 3 * two_sample.BLOCKS
+_FEWEST_FRAMES = 3 * BLOCKS
 _LEAST_SHARE = 0.05
 """Share of what differed, below which parts of the array beside a cause may be what it leaves"""
 
@@ -44,22 +52,27 @@ class Comparison:
     """Faults found before anything was fitted"""
     explained: Causes
     """Parameters of the device that explain the rest"""
-    differences: tuple[two_sample.Difference, ...]
+    differences: tuple[Difference, ...]
     """Quantities of the device, or of a scene"""
-    tests: Mapping[str, two_sample.PixelTest]
+    tests: Mapping[str, PixelTest]
     """Tests of mean and variance of pixels at all levels, (levels, rows, columns)"""
     margin: float
+    """Negligible relative difference"""
+    captured: Sequence[Level]
+    """Recordings as they were compared frame by frame"""
+    expected: Sequence[Level]
+    """Simulations of them"""
     left: tuple[Left, ...] = ()
     """What no fault explains, before parameters were fitted"""
 
     @property
-    def causes(self) -> tuple[two_sample.Difference, ...]:
+    def causes(self) -> tuple[Difference, ...]:
         """Quantities that explain the difference and exceed the margin, largest first."""
         real = [cause for cause in self.significant if not cause.is_equivalent]
         return tuple(sorted(real, key=lambda cause: -cause.size))
 
     @property
-    def significant(self) -> list[two_sample.Difference]:
+    def significant(self) -> list[Difference]:
         """Quantities that explain the difference."""
         if not self.explained.is_different and not self.explained.alone:  # of a scene
             limit = FALSE_ALARMS / _FAMILIES / max(len(self.differences), 1)
@@ -121,7 +134,7 @@ class Comparison:
 _NONE = "none of the known causes explains the difference"
 
 
-def agreement(what: str, differences: Sequence[two_sample.Difference]) -> str:
+def agreement(what: str, differences: Sequence[Difference]) -> str:
     """Return that nothing differs, within which interval, and what is too uncertain to tell."""
     relative = [change for change in differences if not change.base]
     equal = [change for change in relative if change.is_equivalent]
@@ -135,32 +148,91 @@ def agreement(what: str, differences: Sequence[two_sample.Difference]) -> str:
 
 
 def compare_recordings(
-    captured: Sequence[Level],
-    expected: Sequence[Level],
-    model: Model,
-    *,
-    margin: float = MARGIN,
-    errors: Sequence[Floats] | None = None,
-    is_scene: bool = False,
-) -> Comparison:
-    """Compare recordings level by level.
+    captured: Sequence[Level], device: Sensor, *, wavelength_nm: float | None = None,
+    margin: float = MARGIN, seed: int = 0,
+) -> Comparison:  # fmt: skip
+    """Compare recordings in the dark and under uniform light with simulations of a device.
+
+    Raises ValueError if they differ in shape, have too few frames or never change.
 
     Parameters
     ----------
-    captured, expected : sequence of Level
-        The same levels in the same order; numbers of frames may differ. Of more than 2²⁴ captured
-        readings, the first frames are compared one by one, and the moments of all of them.
-    model : Model
-        Device that the expected recordings are of.
-    margin : float
+    captured
+        Counts of one array at every light and exposure, or of ADC codes `level_of_codes`. Of more
+        than 2²⁴ readings, the first frames are compared one by one, and the moments of all.
+    device
+        As `load_sensor` reads it. Errors of a calibration are taken from next to its maps.
+    wavelength_nm
+        Wavelength of the light, which is given as photons per second on a pixel.
+    margin
         Negligible relative difference.
-    errors : sequence of (rows, columns) arrays, optional
-        Standard errors of each level's expected mean counts, if from a calibration; NaN for pixels
-        that it does not know, which are masked.
-    is_scene : bool
-        True if light changes in time, so that neither steadiness nor parameters are tested.
+    seed
+        Seed of the simulation.
 
-    Raises ValueError if levels differ in shape, have too few frames or never change.
+    Returns
+    -------
+    Comparison
+        Its `sentence` tells what differs, by how much and why.
+
+    Examples
+    --------
+    >>> from megalopta.sensor import preset
+    >>> draw = np.random.default_rng(0).poisson
+    >>> levels = [Level(draw(counts, (100, 8, 8)), 1e-4, 1e4 * counts) for counts in (4, 40)]
+    >>> compare_recordings(levels, preset("ideal"), wavelength_nm=550).sentence
+    'Captured and simulated frames agree: no difference is statistically significant; ...'
+    """
+    if wavelength_nm is None and any(level.light_hz for level in captured):
+        raise ValueError("wavelength_nm: unknown; give that of the light (--wavelength-nm)")
+    rates = []
+    for level in captured:
+        shape, nm = (level.readings.shape[1], level.readings.shape[2]), np.array(wavelength_nm or 0)
+        sensor = changed(device, exposure_s=level.exposure_s)
+        per_photon = sensor.photon_detection_efficiency(nm)
+        factor = draw_fixed_pattern(sensor, shape).efficiency_factor
+        rates.append(level.light_hz * float(per_photon) * factor[np.newaxis])
+    model, levels_and_rates = Model(device, rates), zip(captured, rates, strict=True)
+    errors = [rate_errors(device, rate) * level.exposure_s for level, rate in levels_and_rates]
+    simulated = model.drawn(captured, seed)
+    return compare_levels(captured, simulated, model, margin=margin, errors=errors)
+
+
+def rate_errors(device: Sensor, rates_hz: Floats) -> Floats:
+    """Return standard errors of mean rates (rows, columns) due to those of the maps, Hz."""
+    maps, shape = device.measured, (rates_hz.shape[1], rates_hz.shape[2])
+    factor = np.maximum(draw_fixed_pattern(device, shape).efficiency_factor, 1e-12)
+    of_light = rates_hz.mean(axis=0) * _map_error(maps.efficiency) / factor
+    return np.asarray(np.hypot(_map_error(maps.dark_counts), of_light))
+
+
+def _map_error(file: MapFile | None) -> Floats | float:
+    """Standard errors of a map, from the intervals next to it; 0 without, NaN if unknown."""
+    if file is None:
+        return 0.0
+    path, ends = Path(file.path), []
+    for end in ("low", "high"):
+        beside = path.with_name(f"{path.stem}_{end}.npy")
+        if not beside.exists():
+            return 0.0
+        values = plain_array(read_bytes(beside, ARRAY_BYTES))
+        if values is None or values.ndim != 2:
+            raise UserError(
+                f"{beside} is not a complete array of numbers; calibrate the device again"
+            )
+        ends.append(values.astype(np.float64))
+    return np.asarray((ends[1] - ends[0]) / (2 * 1.959964))  # of a 95 % CI
+
+
+def compare_levels(
+    captured: Sequence[Level], expected: Sequence[Level], model: Model, *, margin: float = MARGIN,
+    errors: Sequence[Floats] | None = None, is_scene: bool = False,
+) -> Comparison:  # fmt: skip
+    """Compare the same levels in the same order; numbers of frames may differ.
+
+    The expected recordings are of the model; `errors` are standard errors of their mean counts
+    (rows, columns), if from a calibration, NaN for pixels that it does not know, which are masked.
+    Of a scene, whose light changes, neither steadiness nor parameters are tested. Raises ValueError
+    if levels differ in shape, have too few frames or never change.
     """
     if not captured or len(captured) != len(expected):
         raise ValueError(
@@ -199,14 +271,13 @@ def compare_recordings(
     is_tested = causes.p_forgiven < 1 or is_scene
     # what was taken out of some frames is still in all of them
     samples = [
-        all_.pixels if all_ and level.captured is first else two_sample.Sample.of(
-            level.captured.readings
-        )
+        all_.pixels if all_ and level.captured is first else Sample.of(level.captured.readings)
         for all_, level, first in zip(whole, levels, captured, strict=True)
-    ]  # fmt: skip
+    ]
     tests = _pixel_tests(levels, samples, is_tested)
-    faults = [fault for fault in faults if fault.kind != "none"]
-    return Comparison(order, tuple(faults), causes, causes.alone, tests, margin, tuple(left))
+    named = tuple(fault for fault in faults if fault.kind != "none")
+    alone, rest = causes.alone, tuple(left)
+    return Comparison(order, named, causes, alone, tests, margin, captured, expected, rest)
 
 
 def _explained(
@@ -229,7 +300,7 @@ def _explained(
     causes, least_gain = _causes_of(levels, margin), 0.0
     if causes.accepted:
         least_gain = _LEAST_SHARE * strength(left_of_all(levels))
-        levels = [changed(level, causes.accepted[0]) for level in levels]
+        levels = [as_explained(level, causes.accepted[0]) for level in levels]
     in_space, gain = _faults_in_space(levels, least_gain)
     left = left_of_all(levels)
     is_none = "none" in {fault.kind for fault in in_space}
@@ -307,19 +378,19 @@ def _faults_in_space(levels: Sequence[Residual], least_gain: float) -> tuple[lis
 
 
 def _pixel_tests(
-    levels: Sequence[Residual], captured: Sequence[two_sample.Sample], is_tested: bool
-) -> dict[str, two_sample.PixelTest]:
+    levels: Sequence[Residual], captured: Sequence[Sample], is_tested: bool
+) -> dict[str, PixelTest]:
     """Test mean and variance of every pixel that is left."""
-    p_values: dict[str, list[Floats]] = {"mean": [], "variance": []}
+    parts: dict[str, list[tuple[Floats, Mask]]] = {"mean": [], "variance": []}
     for level, first in zip(levels, captured, strict=True):
-        second = two_sample.Sample.of(level.expected.readings)
+        second = Sample.of(level.expected.readings)
         good = level.good & is_tested
-        error = np.hypot(level.error, level.doubted)
-        p_values["mean"].append(np.where(good, two_sample.mean_test(first, second, error), np.nan))
+        p = two_sample.mean_test(first, second, np.hypot(level.error, level.doubted))
+        parts["mean"].append((np.where(good, p, np.nan), first.mean > second.mean))
         p = two_sample.variance_test(first, second, level.error)
-        p_values["variance"].append(np.where(good, p, np.nan))
+        parts["variance"].append((np.where(good, p, np.nan), first.variance > second.variance))
     rate = FALSE_ALARMS / _FAMILIES
-    return {name: two_sample.discoveries(np.array(p), rate) for name, p in p_values.items()}
+    return {name: two_sample.discoveries(of, rate) for name, of in parts.items()}
 
 
 def _few(readings: NDArray[Any]) -> NDArray[Any]:

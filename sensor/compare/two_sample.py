@@ -26,15 +26,18 @@ class PixelTest(NamedTuple):
     p: Floats
     """P-values of any shape; NaN where nothing is tested."""
     differs: Mask
+    is_more: Mask
+    """True where captured values are larger"""
 
 
-def discoveries(p: Floats, rate: float) -> PixelTest:
-    """Mark the p-values, of any shape, that are discoveries at this false discovery rate."""
+def discoveries(levels: list[tuple[Floats, Mask]], rate: float) -> PixelTest:
+    """Test p-values, with `is_more`, of all levels at this false discovery rate."""
+    p, is_more = (np.array(maps) for maps in zip(*levels, strict=True))
     tested = np.isfinite(p)
     differs = np.zeros(p.shape, np.bool_)
     if tested.any():
         differs[tested] = false_discovery_control(p[tested].clip(0, 1)) <= rate
-    return PixelTest(p, differs)
+    return PixelTest(p, differs, is_more)
 
 
 class Sample(NamedTuple):
@@ -165,12 +168,9 @@ def difference(
 
 
 def scene_differences(
-    captured: Level,
-    expected: Level,
-    light_hz: Floats,
-    margin: float,
+    captured: Level, expected: Level, light_hz: Floats, margin: float,
     errors_hz: Floats | float = 0.0,
-) -> tuple[Difference, ...]:
+) -> tuple[Difference, ...]:  # fmt: skip
     """Compare brightness and contrast, frame by frame, of the same scene.
 
     `light_hz` (n, rows, columns): the model's detection rate of always-live pixels; `margin`:

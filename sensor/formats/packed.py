@@ -109,8 +109,8 @@ def opened_npy(
             is_packed = tuple(shape) != array.shape[1:3]
         elif values is None and array.max() > 1:
             raise ValueError(
-                f"{path}: numbers of 8 bits may be eight pixels each, or counts; state "
-                "the format, packed_npy or npy, or save counts as uint16"
+                f"{path}: numbers of 8 bits may be eight pixels each, or counts; state the "
+                "format, packed_npy or npy, by --format or in recording.yaml, or save uint16"
             )
     width = None if shape is None else shape[1]
     if is_packed and width is not None and not 0 <= -width + 8 * array.shape[2] < 8:
@@ -132,7 +132,7 @@ def opened_npy(
 def raw_files(path: Path) -> list[Path]:
     """Return the raw files of a folder, `.bin` or `.raw`, in natural order, or a file itself."""
     if not (files := parts_in(path, ".bin", ".raw")):
-        raise FileNotFoundError(f"{path}: no .bin files in this folder; give that of a recording")
+        raise FileNotFoundError(f"{path}: no .bin, .png or .tif files; give a folder with frames")
     return files
 
 

@@ -161,7 +161,7 @@ class AnalogPixels(NamedTuple):
     step_v: Floats
     leaked_v: Floats
     offset_v: Floats
-    """Offset of the source follower: positive raises the output. `calibrate.Device.offset_v`, a
+    """Offset of the source follower: positive raises the output. `AnalogDevice.offset_v`, a
     drop of the output, has the opposite sign."""
 
 

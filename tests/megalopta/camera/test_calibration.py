@@ -177,11 +177,33 @@ def test_bits_and_sums_of_bits_give_a_binary_device(tmp_path, n):
     assert dark_hz == pytest.approx(200, rel=0.08 if n == 1 else 0.19)
 
 
+def test_a_folder_of_sums_is_calibrated_compared_and_recognized(tmp_path, capsys):
+    rng, folder, out = np.random.default_rng(4), tmp_path / "rec", tmp_path / "camera.yaml"
+    folder.mkdir()
+    for name, mean in (("dark", 0.004), ("flat_1e5", 0.104), ("flat_1e6", 1.004)):
+        sums = rng.binomial(255, -np.expm1(-mean), (200, *SHAPE))
+        np.save(folder / f"{name}.npy", sums.astype(np.uint16))
+    whole, one = "exposure_s: 1.02e-3", "exposure_s: 4.0e-6\nsums: 255"
+    for stated in (whole, one):  # 4 µs each
+        (folder / "recording.yaml").write_text(stated, "utf-8")
+        main(["spadcam", "calibrate", str(folder), "--wavelength-nm", "600", "--out", str(out)])
+        hint = "as sums of about 255 binary frames" in capsys.readouterr().err
+        assert hint == (stated is whole)
+    device = load_sensor(out)
+    assert (device.counter.capacity, device.counter.sums) == (1, 255)
+    assert device.exposure_s == pytest.approx(1.02e-3)
+    page = ["--wavelength-nm", "600", "--out", str(tmp_path / "compared.html")]
+    main(["spadcam", "compare", str(folder), "--device", str(out), *page])
+    assert "agree" in capsys.readouterr().out
+    with pytest.raises(UserError, match="its maps would lie among recordings"):
+        calibrate_recordings(named_sources([str(folder)]), tmp_path / "rec.yaml", beam=Beam(600.0))
+
+
 @pytest.mark.parametrize(
     ("words", "told"),
     [
         ("dark.npy:1e-2", r"'dark\.npy:1e-2': give RECORDING@LIGHT:EXPOSURE_S"),
-        ("flat@bright", "with a number after the @"),
+        ("flat@bright", "give RECORDING@LIGHT:SECONDS"),
         ("flat@-1", "light"),
         ("flat@1:0", "exposure_s"),
         ("nothing.yaml", r"cannot be read \(No such file or directory\); give a YAML"),

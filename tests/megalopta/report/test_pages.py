@@ -68,8 +68,10 @@ def calibration_page(folder, _):
 def comparison_page(folder, _):
     sources, out = device(folder), folder / "comparison.html"
     settings = CompareSettings(beam=Beam(600.0))
-    told = compare_captured(sources, folder / "device.yaml", out, settings)
-    assert "agree" in told or "differ" in told
+    dimmer = [one.model_copy(update={"light": 1.2 * one.light}) for one in sources[::-1]]
+    assert "efficiency" in compare_captured(dimmer, folder / "device.yaml", out, settings)
+    headings = out.read_text("utf-8").partition("again with the fitted efficiency")[2].split("<h3>")
+    assert [part.split()[0] for part in headings[1:]] == ["Dark,", "120", "4.8"]
     return out
 
 

@@ -162,7 +162,7 @@ def test_a_folder_of_pictures_with_bits_is_shown(tmp_path):
     for number, frame in enumerate(bits):
         Image.fromarray(255 * frame).save(folder / f"{number}.png")
     shown = readings_of(folder)
-    assert (shown.shape, shown.is_binary) == ((30, *SHAPE), True)
+    assert (shown.shape, shown.bits) == ((30, *SHAPE), 1)
     assert shown.times_s[-1] == pytest.approx(29e-5)
     np.testing.assert_array_equal(shown.read(slice(9, 12))[0], bits[9:12])
 

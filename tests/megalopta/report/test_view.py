@@ -122,7 +122,7 @@ def test_bursts_of_a_dataset_are_shown_at_their_rate_by_a_sampling_that_is_told(
     assert labels == ["light", "counts", "counts", "burst", "burst", "true flow"]
     text = page.read_text("utf-8")
     assert "4 frames of 30 × 24 pixels at 10 Hz, 30 binary frames in each at 300 Hz." in text
-    assert "The page shows one in 2 of 90 frames, the film all." in text
+    assert "Of 90 frames, the page shows one in 2, the film all." in text
     view(next(root.glob("counts/*/*.burst.npy")), page.parent, ViewOptions(summed=2))
     assert "120 binary frames of 30 × 24 pixels at 300 Hz." in page.read_text("utf-8")
 
@@ -164,7 +164,7 @@ def test_a_cube_of_packed_bits_is_shown_by_one_command(tmp_path, capsys):
     assert str(tmp_path / "out" / "view.html") in capsys.readouterr().out.splitlines()
     text = (tmp_path / "out" / "view.html").read_text("utf-8")
     assert "40 binary frames of 24 × 16 pixels, at unknown times." in text
-    assert "The page shows all 10 sums, the film all. 4 frames are taken together." in text
+    assert "Page and film show all 10 sums of 4 frames." in text
     assert "frames 21 to 24" in text and panels(tmp_path / "out" / "view.html") == [
         ("detections", True)
     ]

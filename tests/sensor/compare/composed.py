@@ -12,7 +12,7 @@ from tempfile import TemporaryDirectory
 import numpy as np
 
 from megalopta.sensor.compare.model import Model
-from megalopta.sensor.compare.recordings import compare_recordings
+from megalopta.sensor.compare.recordings import compare_levels
 
 from .changes import RATES, READINGS, moment_of, part_of, scaled
 from .faulty import said
@@ -116,7 +116,7 @@ def compared(camera, faults, strength, seed):
             for level, hz in zip(levels, lights_hz, strict=True)
         ]
         simulated = model.drawn(levels, seed + 10**6)
-        return compare_recordings(levels, simulated, model, errors=deviations)
+        return compare_levels(levels, simulated, model, errors=deviations)
 
 
 def _options(name):

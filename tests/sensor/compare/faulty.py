@@ -7,7 +7,7 @@ import numpy as np
 from megalopta.sensor import Sensor, changed, expose_adc, expose_rate, preset
 from megalopta.sensor.calibrate.level import Level
 from megalopta.sensor.compare.model import Model, level_of_codes
-from megalopta.sensor.compare.recordings import compare_recordings
+from megalopta.sensor.compare.recordings import compare_levels
 from megalopta.sensor.spad.device import draw_fixed_pattern
 
 TOP = 4095
@@ -116,7 +116,7 @@ def compared(seed, camera=CAMERAS["codes"], **fault):
     """Comparison of a faulty recording with the known device."""
     levels = recorded(camera, seed, **fault)
     model = Model(camera.sensor, [rates_of(camera, level.light_hz) for level in levels])
-    return compare_recordings(levels, model.drawn(levels, seed + 10_000), model)
+    return compare_levels(levels, model.drawn(levels, seed + 10_000), model)
 
 
 def sine(by_row_s):

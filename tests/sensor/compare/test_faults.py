@@ -7,7 +7,7 @@ import pytest
 
 from megalopta.sensor import changed, preset
 from megalopta.sensor.compare.model import Model
-from megalopta.sensor.compare.recordings import compare_recordings
+from megalopta.sensor.compare.recordings import compare_levels
 from megalopta.sensor.spad.device import draw_fixed_pattern
 
 from .faulty import (
@@ -202,7 +202,7 @@ def test_an_array_without_a_working_pixel_is_compared(value):
 def test_frames_that_never_change_on_either_side_are_refused():
     levels = recorded(CAMERAS["counts"]._replace(shape=(8, 8)), 1, **written(np.s_[:], 3))
     with pytest.raises(ValueError, match="counters are full or empty; capture with another light"):
-        compare_recordings(levels, levels, Model(preset("spadcam"), []))
+        compare_levels(levels, levels, Model(preset("spadcam"), []))
 
 
 def test_frames_all_at_the_counters_end_are_no_repetition():

@@ -7,7 +7,7 @@ from scipy.stats import binomtest, kstest, norm, ttest_ind
 from megalopta.sensor import changed, preset
 from megalopta.sensor.calibrate.level import Level
 from megalopta.sensor.compare.model import Model
-from megalopta.sensor.compare.recordings import compare_recordings
+from megalopta.sensor.compare.recordings import compare_levels
 from megalopta.sensor.compare.two_sample import Sample, difference, mean_test, variance_test
 
 from .faulty import CAMERAS, compared
@@ -51,8 +51,8 @@ def test_dark_counts_of_a_calibration_that_is_off_by_its_error_raise_no_alarm():
     expected = rng.poisson(40.0, (frames, *shape)).astype(float)
     captured = rng.poisson(40.0 * (1 + 2 * off / 8), (frames, *shape)).astype(float)
     levels = [Level(captured, 0.1)], [Level(expected, 0.1)]
-    sure = compare_recordings(*levels, _uniform(8))
-    unsure = compare_recordings(*levels, _uniform(8), errors=[np.full(shape, off * 40.0)])
+    sure = compare_levels(*levels, _uniform(8))
+    unsure = compare_levels(*levels, _uniform(8), errors=[np.full(shape, off * 40.0)])
     (before, after) = (
         next(each for each in found.differences if each.name == "dark counts")
         for found in (sure, unsure)
@@ -67,7 +67,7 @@ def counted(mean, frames, seed):
 
 
 def test_small_differences_are_equivalent_though_beyond_chance():
-    found = compare_recordings(counted(40.8, 4000, 1), counted(40.0, 4000, 2), _uniform(16))
+    found = compare_levels(counted(40.8, 4000, 1), counted(40.0, 4000, 2), _uniform(16))
     (dark,) = (cause for cause in found.differences if cause.name == "dark counts")
     assert dark.p < 1e-6 and dark.is_equivalent
     assert not found.causes
@@ -75,7 +75,7 @@ def test_small_differences_are_equivalent_though_beyond_chance():
 
 def test_too_few_frames_are_refused():
     with pytest.raises(ValueError, match="30 frames"):
-        compare_recordings(counted(40.0, 30, 1), counted(40.0, 100, 2), _uniform(16))
+        compare_levels(counted(40.0, 30, 1), counted(40.0, 100, 2), _uniform(16))
 
 
 @pytest.mark.parametrize("seeds", [range(3), pytest.param(range(3, 253), marks=pytest.mark.slow)])
