@@ -77,8 +77,8 @@ def block_grid(
         least = BLOCKS_PER_SIDE * px if block_px is None else fewest_blocks * px
         raise ValueError(
             f"frames of {shape[0]} × {shape[1]} px cannot be cut into at least {fewest_blocks} ×"
-            f" {fewest_blocks} blocks of {px} px: give frames of {least} px or more on a side, or"
-            " another block_px (2 px or more)"
+            f" {fewest_blocks} blocks of {px} px: give frames of {least} px or more on a side, a"
+            " method without blocks, such as DIS, or in Python another block_px (2 px or more)"
         )
     return BlockGrid(shape=shape, block_px=size)
 
@@ -147,7 +147,10 @@ class BlockDetector(Detector, frozen=True):
 
         Raises ValueError if the frame is too small.
         """
-        return block_grid(shape, self.block_px, self.fewest_blocks)
+        try:
+            return block_grid(shape, self.block_px, self.fewest_blocks)
+        except ValueError as problem:
+            raise ValueError(f"{self.name}: {problem}") from None
 
     @property
     def most_frames(self) -> float:

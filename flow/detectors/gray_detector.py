@@ -28,7 +28,7 @@ from megalopta.core.arrays import Floats
 from megalopta.core.bounded import quoted
 from megalopta.core.errors import UserError
 from megalopta.flow.detectors.base import Frames
-from megalopta.flow.detectors.blocks import BlockDetector, BlockGrid, mean_over_blocks
+from megalopta.flow.detectors.blocks import BlockDetector, BlockGrid, block_grid, mean_over_blocks
 
 _MIDDLE_PERCENT, _SPREADS = (1, 99), 3.0
 
@@ -102,7 +102,7 @@ class DenseDetector(GrayDetector, frozen=True):
     def dense(self, *frames: Frames) -> Floats:
         """Return the flow (H, W, 2) from one frame to the next, NaN without contrast."""
         sequence = self.as_counts(self.checked(frames))
-        grid = self.grid((sequence.shape[1], sequence.shape[2]))
+        grid = block_grid((sequence.shape[1], sequence.shape[2]), self.block_px, 1)
         pair = gray_levels(self._stretched(sequence))
         return np.full((*grid.shape, 2), np.nan) if pair is None else self._checked(grid, pair)
 
@@ -115,6 +115,8 @@ class DenseDetector(GrayDetector, frozen=True):
             raise MethodError(
                 f"{self.name}: a flow of shape {flow.shape}; give {expected}, x before y"
             )
+        if np.isinf(flow).any():
+            raise MethodError(f"{self.name}: infinite flow; give NaN where it is undefined")
         return flow
 
     @abstractmethod

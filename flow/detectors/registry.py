@@ -105,7 +105,7 @@ def for_sensor(chosen: Method, sensor: ImageSensor) -> Detector:
 def detector_at(reference: str) -> Detector | None:
     """Return the detector of `module:function` or of an ONNX file; None for any other text.
 
-    The module may be in the working folder; its object may also be a detector.
+    The module may be in the working folder, also as FILE.py; its object may also be a detector.
 
     Raises ValueError if there is no such module, function or file.
     """
@@ -118,9 +118,11 @@ def detector_at(reference: str) -> Detector | None:
     if here not in sys.path:
         sys.path.append(here)  # last: it replaces nothing that is installed
     try:
-        function = getattr(import_module(module), name)
+        function = getattr(import_module(module.removesuffix(".py").replace("/", ".")), name)
     except (Exception, SystemExit) as problem:  # foreign code can raise any exception
         reason = " ".join(str(problem).split()) or type(problem).__name__
+        if isinstance(problem, SyntaxError) or "null bytes" in reason:
+            reason = f"{module} is not Python ({reason})"
         raise ValueError(
             f"method {reference!r}: {reason}; give the name of a module, a colon and the name of "
             "a function in it"

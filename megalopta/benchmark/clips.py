@@ -49,6 +49,8 @@ class FlowClip:
     """(H, W), pixels of moving objects; None: unknown"""
     set_name: str = ""
     """Name of the set of clips that this one belongs to"""
+    sequence: str = ""
+    """Name of the sequence whose frames they are; if empty, no other clip is of it"""
     notes: tuple[str, ...] = ()
     """What was supposed of its files"""
 
@@ -233,7 +235,15 @@ def sets_below(folder: Path, png_scale: float = KITTI_SCALE) -> dict[str, dict[s
     }
 
 
-def read_pair(name: str, files: Files, set_name: str = "") -> FlowClip:
+def sequence_of(pair: str) -> str:
+    """Return the sequence of a pair's name: its folder, and KITTI's number before the frame's."""
+    folder, _, name = pair.rpartition("/")
+    folder = re.sub(r"/?flow_[FB]W_\w+$", "", folder)  # of Spring: both directions and cameras
+    number = re.fullmatch(r"(?:(?:frame|flow)\D*|(\d+)_)?\d+", name)
+    return f"{folder}/{(number[1] or '') if number else name}"
+
+
+def read_pair(name: str, files: Files, set_name: str = "", sequence: str = "") -> FlowClip:
     """Return a pair as a clip of two frames, from first picture, second picture and truth.
 
     Raises UserError if a file is damaged or of the wrong size, or no flow is known.
@@ -261,7 +271,7 @@ def read_pair(name: str, files: Files, set_name: str = "") -> FlowClip:
     moving = _mask(objects, flow.shape) if objects else None
     light /= light.mean()
     motion = flow.astype(np.float64)
-    return FlowClip(name, light, motion, hidden, moving, set_name, tuple(notes))
+    return FlowClip(name, light, motion, hidden, moving, set_name, sequence, tuple(notes))
 
 
 def luminance(footage: Footage, index: int) -> Floats:

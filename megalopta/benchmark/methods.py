@@ -118,6 +118,15 @@ def methods_and_baselines() -> list[BlockDetector]:
     return [each for each in map(block_detector, chosen) if each.memory_frames == 1]
 
 
+def check_gives_flow(detector: BlockDetector, flow: Floats) -> None:
+    """Raise ValueError, naming the method, if flow (..., 2) in bright light is nowhere known."""
+    if not np.isfinite(flow).all(axis=-1).any():
+        raise ValueError(
+            f"{detector.name} gives no flow at any pixel, or on any whole block; omit it, or let it"
+            " return some"
+        )
+
+
 def identity(detector: Detector) -> str:
     """Identify a method: its parameters, its class, the file of a function, tuned settings."""
     function = getattr(detector, "function", None)

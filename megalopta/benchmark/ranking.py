@@ -41,6 +41,8 @@ class RankingSettings(Record, frozen=True):
         *(1e3, 1e4, 1e5, 1e6, 1e7, 1e8),
     )
     """Photons per frame, summed over all pixels."""
+    photons: Annotated[tuple[Annotated[float, Field(gt=0)], ...], ONCE] = ()
+    """Photons per pixel and frame, in place of the default fluxes."""
     light_levels: LightLevels = ()
     """Further light levels, by name or in lux; their photons per frame are added to fluxes."""
     exposure_s: Annotated[float, Field(gt=0, le=1000)] = 0.01

@@ -1,6 +1,7 @@
 """The page of a ranking: errors by method and light first, then plots over photons and groups."""
 
 import math
+from collections import defaultdict
 from collections.abc import Callable
 from functools import partial
 from itertools import groupby, product
@@ -37,13 +38,14 @@ _ERRORS = (
     "every ratio)."
 )
 _SCOPE = (
-    "Pixels are perfect. A block without a velocity counts as zero motion. Sequences: {}; frames: "
-    "{}; confidence intervals are over {}. Photons per frame, lux and second: {}."
+    "Pixels are perfect. A block without a velocity (none) counts as zero motion. Sequences: {}; "
+    "frames: {}; confidence intervals are over {}. One lux for a second gives a frame {} photons."
 )
 _PLOTS = (
-    "Bands are 95 % CI. The Poisson bound is the least error of an unbiased method that sees one "
-    "block of known texture at a time, or the motion itself if that is smaller. Errors of methods "
-    "that share evidence between blocks may be below it."
+    "Lines are solid for the dissertation's methods, dashed for others. Bands are 95 % CI. The "
+    "Poisson bound is the least error of an unbiased method that sees one block of known texture "
+    "at a time, or the motion itself if that is smaller. Errors of methods that share evidence "
+    "between blocks may be below it."
 )
 _BY_MOTION = (
     "The method with the least mean error (px per frame), bold where surely. Parallax is the "
@@ -54,13 +56,14 @@ _BY_MOTION = (
 def write_ranking(folder: Path, ranking: Ranking) -> Path:
     """Write ranking.html, ranking.csv and ranking.json to a folder; return the page."""
     noise = ranking.rows["photons"].map(ranking.facts.rendering_noise)
-    long_table = ranking.rows.assign(rendering_noise=noise)
+    per_px = ranking.rows["photons"] / ranking.facts.frame_px
+    long_table = ranking.rows.assign(photons_per_px=per_px, rendering_noise=noise)
     write_text(folder / "ranking.csv", long_table.to_csv(index=False, float_format="%.9g"))
     write_text(folder / "ranking.json", ranking.facts.model_dump_json(indent=1) + "\n")
     over_photons = [error_curves(ranking, metric) for metric in (table.MEDIAN, table.FAR)]
     more = [
         sections.block("pair", *over_photons),
-        sections.block("wide", group_curves(ranking)),
+        sections.block("pair", *group_curves(ranking)),
         sections.folded(
             "Best method by motion", sections.paragraph(_BY_MOTION, "note"), best_by_motion(ranking)
         ),
@@ -75,7 +78,7 @@ def write_ranking(folder: Path, ranking: Ranking) -> Path:
 
 def verdict(ranking: Ranking) -> str:
     """Return who is first by mean error at which light, with its error, and where not by median."""
-    leaders, exceptions, unsure = [], [], []
+    leaders, exceptions, unsure = [], defaultdict[str, list[str]](list), []
     for flux in ranking.facts.settings.fluxes:
         by_mean, by_median = (
             ranking.best_of(flux, metric=metric) for metric in (table.MEAN, table.MEDIAN)
@@ -84,7 +87,7 @@ def verdict(ranking: Ranking) -> str:
             continue
         leaders.append(by_mean)
         if by_median["method"] != by_mean["method"]:
-            exceptions.append(f"{by_median['method']} at {short(flux)}")
+            exceptions[by_median["method"]].append(short(flux))
         if not by_mean["surely_lowest"]:
             unsure.append(short(flux))
     runs = []
@@ -94,7 +97,8 @@ def verdict(ranking: Ranking) -> str:
         interval = _interval(last["low"], last["high"])
         error = f"{number(last['value'])}{interval} px at {[*lights][-1]}"
         runs.append(f"{method} at {' to '.join(lights)} photons per frame, {error}")
-    median = f", but {', '.join(exceptions)}" if exceptions else ""
+    others = [f"{method} at {' and '.join(lights)}" for method, lights in exceptions.items()]
+    median = f", but {', '.join(others)}" if others else ""
     text = f"Lowest mean error (95 % CI): {'; '.join(runs)}. By median error the same{median}."
     return text + (f" The lead may be chance at {', '.join(unsure)}." if unsure else "")
 
@@ -146,9 +150,12 @@ def _errors(ranking: Ranking) -> Section:
     def lines(text: Callable[[str, float], str]) -> list[list[str]]:
         return [[name, *(text(name, flux) for flux in settings.fluxes)] for name in methods]
 
-    together = lines(
-        lambda name, flux: Markup("<br>").join(cell(metric, name, flux) for metric in _METRICS)
-    )
+    def errors(method: str, flux: float) -> Markup:
+        share = missing.get((method, flux))
+        none = [f"{percent(share)} none"] if share else []
+        return Markup("<br>").join([*(cell(metric, method, flux) for metric in _METRICS), *none])
+
+    missing = ranking.rows_of(table.NONE).set_index(["method", "photons"])["value"].to_dict()
     with_intervals = [
         sections.table(label, (label, *heads), lines(partial(cell, metric, has_interval=True)))
         for metric, label in _METRICS.items()
@@ -158,7 +165,7 @@ def _errors(ranking: Ranking) -> Section:
     scope = _SCOPE.format(count, facts.frames, units, number(facts.photons_per_lux_s))
     curves = error_curves(ranking, table.MEAN)
     body = [
-        sections.block("pair", sections.table("Errors", head, together), curves),
+        sections.block("pair", sections.table("Errors", head, lines(errors)), curves),
         sections.folded("With 95 % intervals", *with_intervals),
         sections.paragraph(f"{_PLOTS} {scope}", "note"),
     ]
@@ -177,24 +184,20 @@ def error_curves(ranking: Ranking, metric: str) -> Markup:
 
 
 @style.in_style
-def group_curves(ranking: Ranking) -> Markup:
-    """Draw mean errors over photons, a panel per group of blocks; empty without such groups."""
-    blocks = ranking.facts.blocks
+def group_curves(ranking: Ranking) -> list[Markup]:
+    """Draw mean errors over photons, a figure per group of blocks, on one scale."""
+    blocks, figures = ranking.facts.blocks, []
     groups = [name for name in _GROUPS if 0 < blocks.get(name, 0) < blocks["all"]]
-    if not groups:
-        return Markup()
-    rows = -(-len(groups) // 2)
-    figure = Figure(figsize=(10.5, 3.6 * rows + 0.4), layout="constrained")
-    panels = figure.subplots(rows, 2, sharex=True, sharey=True, squeeze=False)
-    for axes, group in zip(panels.flat, groups, strict=False):
+    values = pd.concat([ranking.rows_of(table.MEAN, name)["value"] for name in ("all", *groups)])
+    for group in groups:
+        figure, axes = style.new_axes(*style.CHART_PT)
         _curves(axes, ranking, table.MEAN, group)
-        axes.set_title(f"{group}: {number(blocks[group])} blocks", loc="left")
-    for axes in panels.flat[len(groups) :]:
-        axes.set_axis_off()
-    figure.supxlabel("photons per frame", fontsize=10)
-    figure.supylabel("mean endpoint error (px per frame)", fontsize=10)
-    figure.legend(*panels.flat[0].get_legend_handles_labels(), **_LEGEND)
-    return style.to_svg(figure, "errors-groups", "Mean errors over photons, by group of blocks")
+        axes.set(xlabel="photons per frame", ylabel=_METRICS[table.MEAN])
+        axes.set_ylim(values[values > 0].min() / 1.2, 1.2 * values.max())
+        axes.set_title(f"{group}: {blocks[group]} blocks", loc="left")
+        name = f"errors-{group.replace(' ', '-')}"
+        figures.append(style.to_svg(figure, name, f"Mean errors over photons: {group}"))
+    return figures
 
 
 def _curves(axes: Axes, ranking: Ranking, metric: str, group: str) -> None:
@@ -205,7 +208,7 @@ def _curves(axes: Axes, ranking: Ranking, metric: str, group: str) -> None:
             color, dash = (style.GRAY, ":") if name == STILL else (style.BLACK, "--")
             axes.plot(photons, value, color=color, linestyle=dash, linewidth=1.2, label=name)
         else:
-            look = style.method_style(str(name))
+            look = style.method_style(str(name), ranking.facts.settings.methods)
             band = {"color": look["color"], "alpha": 0.2, "linewidth": 0}
             axes.fill_between(photons, curve["low"], curve["high"], **band)
             axes.plot(photons, value, **look, markersize=4, label=name)
@@ -216,8 +219,8 @@ def _curves(axes: Axes, ranking: Ranking, metric: str, group: str) -> None:
         axes.yaxis.set_major_formatter(style.NUMBERS)
         axes.yaxis.set_minor_formatter(NullFormatter())
     else:
-        axes.set_ylim(0, None)
-        axes.yaxis.set_major_formatter(PercentFormatter(1, decimals=0))
+        axes.set_ylim(0, 1.2 * rows["value"].max() or 0.01)  # not that of wide bands
+        axes.yaxis.set_major_formatter(PercentFormatter(1))
     axes.grid(True)
 
 

@@ -21,7 +21,7 @@ from megalopta.core.arrays import Floats, Mask
 from megalopta.core.errors import UserError, refused_as
 from megalopta.core.folders import locked
 from megalopta.core.freshness import code_digest, digest
-from megalopta.core.progress import progress, say, step
+from megalopta.core.progress import progress, say, step, working
 from megalopta.dataset.frames import read_radiance_frames, read_truth_frame
 from megalopta.dataset.store import Dataset, Tree
 from megalopta.flow.detectors.blocks import BlockDetector, BlockGrid
@@ -96,12 +96,15 @@ def _ranked(
     levels = (
         ranked.photons_at(per_lux_s, level, settings.exposure_s) for level in settings.light_levels
     )
-    fluxes = tuple(sorted({*settings.fluxes, *levels}))
+    frame_px = math.prod(datasets[0].configuration.camera.shape)
+    replaced = settings.photons and "fluxes" not in settings.model_fields_set
+    given = () if replaced else settings.fluxes
+    fluxes = tuple(sorted({*given, *levels, *(frame_px * count for count in settings.photons)}))
     facts = ranked.RankingFacts(
         settings=settings.model_copy(update={"fluxes": fluxes}),
         sequences=tuple(dataset.sequence for dataset in datasets),
         frames=sum(dataset.configuration.trajectory.frames for dataset in datasets),
-        frame_px=math.prod(datasets[0].configuration.camera.shape),
+        frame_px=frame_px,
         photons_per_lux_s=per_lux_s,
         rendering_photons_per_px=min(equal, default=None),
         blocks={},
@@ -114,8 +117,12 @@ def _ranked(
     with progress("Ranking methods", total, "case") as advance:
         for dataset in datasets:
             light = perfect_light(dataset)
-            kept = folder / dataset.sequence
-            photons = Photons(dataset, light, settings.seed, kept)
+            photons = Photons(dataset, light, settings.seed, folder / dataset.sequence)
+            if dataset is datasets[0]:
+                with working("Compiling and trying the methods"):
+                    for method in methods.values():
+                        bright = photons.velocities(method, fluxes[-1], 0)
+                        benchmarked.check_gives_flow(method, bright)
             rows += endpoint_errors(
                 dataset, photons, methods, fluxes, settings.repeats, segments, advance
             )
@@ -251,9 +258,7 @@ def endpoint_errors(
             truth, errors = truth_of(grid), []
             for repeat in range(repeats):
                 velocities = photons.velocities(method, flux, repeat)[:, 1:-1, 1:-1]
-                is_known = np.isfinite(velocities).all(axis=-1, keepdims=True)
-                difference = np.where(is_known, velocities, 0) - truth.velocities
-                errors.append(np.linalg.norm(difference, axis=-1))
+                errors.append(np.linalg.norm(velocities - truth.velocities, axis=-1))
             yield from rows(name, flux, errors, truth)
             advance(1)
         truth = truth_of(grids[0])
@@ -267,18 +272,25 @@ def endpoint_errors(
 
 
 def _by_group(errors: Sequence[Floats], truth: BlockTruth, segments: int) -> Rows:
-    """Yield metric, group, segment, total and blocks of errors (pairs, rows, columns) of draws."""
+    """Yield metric, group, segment, total and blocks of errors (pairs, rows, columns) of draws.
+
+    An error of NaN, without a velocity, becomes that of zero motion.
+    """
+    speed, missing = np.linalg.norm(truth.velocities, axis=-1), list(map(np.isnan, errors))
+    errors = [np.where(none, speed, error) for none, error in zip(missing, errors, strict=True)]
     for group, inside in truth.groups.items():
         totals = np.sum([np.where(inside, error, 0).sum(axis=(1, 2)) for error in errors], axis=0)
         blocks = len(errors) * inside.sum(axis=(1, 2)).astype(np.float64)
         measured = [(table.MEAN, totals, blocks)]
         if group == "all":
-            far = [((error > table.FAR_PX) & inside).sum(axis=(1, 2)) for error in errors]
+            shares = {table.FAR: [error > table.FAR_PX for error in errors], table.NONE: missing}
             medians = [
                 np.median([error[pair][known] for error in errors]) if known.any() else 0.0
                 for pair, known in enumerate(inside)
             ]
-            measured.append((table.FAR, np.sum(far, axis=0).astype(float), blocks))
+            for metric, masks in shares.items():
+                of_pairs = np.sum([mask & inside for mask in masks], axis=(0, 2, 3))
+                measured.append((metric, of_pairs.astype(float), blocks))
             measured.append((table.MEDIAN, np.array(medians), (blocks > 0).astype(np.float64)))
         for metric, *sums in measured:
             parts = zip(*(np.array_split(values, segments) for values in sums), strict=True)

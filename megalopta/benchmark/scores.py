@@ -157,7 +157,8 @@ def _flows_of(
     try:
         detector = method(str(flow) if isinstance(flow, Path) else flow)
     except ValueError as problem:
-        raise UserError(f"{flow}: no such folder; {problem}") from None
+        missing = "" if ":" in str(flow) else f"{flow}: no such folder; "
+        raise UserError(f"{missing}{problem}") from None
     if not isinstance(detector, BlockDetector) or type(detector).dense is BlockDetector.dense:
         raise UserError(f"{detector.name} gives no dense flow; give a method that does")
 
@@ -169,8 +170,9 @@ def _flows_of(
         there, back = detector.dense(first, second), detector.dense(second, first)
         return there, round_trip(np.moveaxis(there, -1, 0), np.moveaxis(back, -1, 0))
 
+    source = f"{detector.name} on {{}}".format
     return detector.name, {
-        name: {frame: (str(pair[0]), partial(between, *pair)) for frame, pair in pairs.items()}
+        name: {frame: (source(pair[0]), partial(between, *pair)) for frame, pair in pairs.items()}
         for name, pairs in clips.pictures_of(truths).items()
     }
 
@@ -194,17 +196,20 @@ _COLUMNS: Mapping[str, tuple[str, str]] = {
 
 
 def score_table(scores: Scores) -> Table:
-    """Return the errors of every sequence and overall, a block per pass."""
+    """Return the errors of every sequence and overall, a block per pass; columns that are known."""
     title = "Endpoint error of pixels: all, and those that move 0–10, 10–40, 40+ px per frame"
     table = Table(title=title, box=SIMPLE, padding=(0, 1))
     for head in ("program", "pass", "sequence"):
         table.add_column(head, no_wrap=True)
-    for head in _COLUMNS:
-        table.add_column(head, justify="right", no_wrap=True)
+    columns = {}
+    for head, (group, field) in _COLUMNS.items():
+        if any(entry.errors[group][field] is not None for entry in scores.entries):
+            columns[head] = group, field
+            table.add_column(head, justify="right", no_wrap=True)
     for entry in scores.entries:
         style = "bold" if entry.sequence is None else None
         names = map(sentence, (entry.program, entry.pass_name, entry.sequence or "overall"))
-        values = (entry.errors[group][field] for group, field in _COLUMNS.values())
+        values = (entry.errors[group][field] for group, field in columns.values())
         cells = ("–" if value is None else f"{value:.3g}" for value in values)
         table.add_row(*names, *cells, style=style, end_section=bool(style))
     return table

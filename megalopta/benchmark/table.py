@@ -25,6 +25,10 @@ group is a group of blocks, or a disturbance"""
 
 MEDIAN, MEAN, FAR = "median_epe_px", "mean_epe_px", "share_beyond_3_px"
 """Metrics of the endpoint errors of a pair of frames, over blocks or pixels"""
+NONE = "share_without_flow"
+"""Blocks or pixels with known truth to which a method gives no flow"""
+FEWEST_UNITS = 5
+"""With fewer units an interval is wide, and depends on their distribution"""
 FAR_PX = 3.0
 """Endpoint error from which a block or pixel counts as far off"""
 
@@ -101,13 +105,16 @@ def ratio(upper: Sums, lower: Sums) -> Interval | None:
     return _around(mean(upper) / mean(lower), *spread) if spread else None
 
 
-def difference(upper: Floats, lower: Floats) -> tuple[float, float]:
-    """Return the mean difference over units, and half its Student's interval, NaN for one unit."""
-    gaps = upper - lower
-    if len(gaps) < 2:
-        return float(gaps.mean()), math.nan
-    quantile = student.ppf((1 + _CONFIDENCE) / 2, len(gaps) - 1)
-    return float(gaps.mean()), float(quantile * gaps.std(ddof=1) / math.sqrt(len(gaps)))
+def difference(upper: Sums, lower: Sums) -> tuple[float, float]:
+    """Return the difference of two means over the same blocks, and half its interval or NaN.
+
+    Of units of one size, the interval is Student's of paired values.
+    """
+    gaps = Sums(upper.totals - lower.totals, upper.blocks)
+    totals, blocks = (values.sum() - values for values in gaps)
+    spread = _spread(totals / np.where(blocks, blocks, np.nan), gaps.blocks)
+    half = student.ppf((1 + _CONFIDENCE) / 2, spread[1]) * spread[0] if spread else math.nan
+    return mean(gaps), float(half)
 
 
 def lowest(sums: Mapping[str, Sums]) -> tuple[str, bool] | None:

@@ -154,7 +154,7 @@ class Trial(Record, frozen=True):
     """True if the motion within a frame blurs it"""
     methods: Annotated[
         tuple[str | SerializeAsAny[InstanceOf[Detector]], ...],
-        Field(min_length=1, description=f"Names of the detectors: {', '.join(METHODS)}"),
+        Field(min_length=1, description="Names of the detectors: " + ", ".join(METHODS)),
     ] = THESIS_METHODS
     search: SearchSettings = SearchSettings()
     """Metrics and precision of the search"""

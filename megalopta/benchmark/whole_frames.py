@@ -1,17 +1,19 @@
 """Errors of velocity methods on whole frames by photons per pixel, with intervals.
 
 Every pixel with known flow is scored (`flow.metrics.endpoint_error`); one without flow counts as
-zero motion. A method's value is the mean over draws and pairs, with its interval over pairs.
+zero motion. A method's value is the mean over draws and pairs; its interval is over sequences.
 
 **Without truth** there are two stand-ins. One is the flow by a method, the reference, between the
 pictures without photon noise, which favors it and similar methods. The other is the median of all
 other methods on the same photons, which may share an error.
 """
 
+import math
 import time
 from collections.abc import Iterable, Iterator, Mapping, Sequence, Sized
 from contextlib import ExitStack
 from dataclasses import asdict, dataclass
+from functools import cached_property
 from itertools import pairwise, product
 from pathlib import Path
 from typing import Any, TypeAlias
@@ -23,14 +25,14 @@ from numpy.typing import NDArray
 from megalopta.benchmark import table
 from megalopta.benchmark.clips import FlowClip, luminance
 from megalopta.benchmark.disturbances import Disturbance
-from megalopta.benchmark.methods import block_detector
-from megalopta.benchmark.table import FAR, MEAN, MEDIAN
+from megalopta.benchmark.methods import block_detector, check_gives_flow
+from megalopta.benchmark.table import FAR, MEAN, MEDIAN, NONE
 from megalopta.core.arrays import Floats
 from megalopta.core.bounded import check_decoded
 from megalopta.core.errors import UserError
 from megalopta.core.files import write_text
 from megalopta.core.pictures import SENSED_BYTES
-from megalopta.core.progress import progress, say
+from megalopta.core.progress import progress, say, working
 from megalopta.flow.detectors.base import Frames
 from megalopta.flow.detectors.blocks import BlockDetector
 from megalopta.flow.detectors.registry import Method
@@ -48,20 +50,19 @@ METRICS: Mapping[str, tuple[str, str, str]] = {
     "share_beyond_5_px": ("> 5 px %", "all", "over_5px_percent"),
     "fl_share": ("Fl %", "all", "fl_percent"),
     "wauc_share": ("WAUC %", "all", "wauc_percent"),
-    "mean_epe_below_10_px": ("0–10", "slow", "epe_px"),
-    "mean_epe_10_to_40_px": ("10–40", "medium", "epe_px"),
-    "mean_epe_from_40_px": ("40+", "fast", "epe_px"),
+    "mean_epe_below_10_px": ("0–10 px", "slow", "epe_px"),
+    "mean_epe_10_to_40_px": ("10–40 px", "medium", "epe_px"),
+    "mean_epe_from_40_px": ("40+ px", "fast", "epe_px"),
     "mean_epe_visible_px": ("visible", "visible", "epe_px"),
     "mean_epe_occluded_px": ("occluded", "occluded", "epe_px"),
     FOREGROUND: ("Fl-fg %", "", ""),
+    NONE: ("none %", "", ""),
     SECONDS: ("CPU s", "", ""),
 }
 """Head of its column, group of pixels and field of `endpoint_error.DenseError` by metric"""
 FROM_OTHERS = "mean_px_from_others"
 """Mean distance from the median of the flow of all other methods, where nobody knows the truth"""
 
-OWN_METHODS = "PF", "PF-fast", "PPF", "PM", "PPM"
-"""Of these, verdicts name the first that was measured, if its error is not the lowest"""
 UNDISTURBED = "none"
 _CASE = ["set", "unit", "group", "photons", "method", "frames"]
 
@@ -76,10 +77,17 @@ _Frame: TypeAlias = tuple[Footage, int]
 class Board:
     """Errors of methods over the pixels of pairs, by photons per pixel and frame."""
 
-    by_scene: pd.DataFrame
-    """Means over draws, a column per metric, NaN if unknown.
+    by_draw: pd.DataFrame
+    """A column per metric, NaN if unknown.
 
-    A row per set, pair (unit), disturbance (group), photons, method and its number of frames."""
+    A row per set, sequence, pair (unit), disturbance (group), photons, method and its number of
+    frames, and draw."""
+
+    @cached_property
+    def by_scene(self) -> pd.DataFrame:
+        """Means over draws: `by_draw` without sequence and draw."""
+        values = self.by_draw.drop(columns=["sequence", "draw"])
+        return values.groupby(_CASE, sort=False, as_index=False).mean()
 
     def parts(self) -> Mapping[str | None, str]:
         """Return the headings of all pairs together (None) and, if there are several, of sets."""
@@ -90,38 +98,52 @@ class Board:
         return heads | (sets if len(sets) > 1 else {})
 
     def samples(self, set_name: str | None, flux: float) -> pd.DataFrame:
-        """Return the values of the pairs of a set, or of all, at a flux, as `table.samples`."""
-        rows = self.by_scene[self.by_scene["photons"] == flux]
+        """Return the values of a set, or of all, at a flux, as `table.samples`.
+
+        Frames of one sequence are alike, so units are sequences; of one sequence, its pairs, and
+        of one pair, its draws.
+        """
+        rows = self.by_draw[self.by_draw["photons"] == flux]
         if set_name is not None:
             rows = rows[rows["set"] == set_name]
-        return rows.melt(_CASE, var_name="metric", value_name="total").dropna().assign(blocks=1.0)
+        rows = rows.assign(unit=rows[self.units(set_name)[0]])
+        values = rows.melt([*_CASE, "sequence", "draw"], var_name="metric", value_name="total")
+        of_unit = values.dropna().groupby([*table.CASE, "unit"], sort=False)["total"]
+        return of_unit.agg(total="sum", blocks="count").astype(float).reset_index()
 
+    def units(self, set_name: str | None) -> tuple[str, str]:
+        """Return the column of `by_draw` that tells units apart, and what their low and high are.
 
-def verdicts(board: Board) -> Iterator[str]:
-    """Yield which methods are first, by how much: a sentence per set, disturbance and photons.
+        Of fewer than five units, or pairs of one sequence, these are the extremes.
+        """
+        rows = self.by_draw
+        rows = rows if set_name is None else rows[rows["set"] == set_name]
+        words = {"sequence": "sequences", "unit": "pairs of one sequence", "draw": "draws"}
+        for column, plural in words.items():
+            if (count := rows[column].nunique()) > 1:
+                is_few = column == "unit" or count < table.FEWEST_UNITS
+                return column, f"{'range of' if is_few else '95 % CI over'} {count} {plural}"
+        return "draw", ""
 
-    All pairs together come first. The difference to the next method, and to the first of
-    `OWN_METHODS`, has Student's 95 % interval over pairs.
-    """
-    if board.by_scene["method"].nunique() < 2:
-        return
-    groups, fluxes = (board.by_scene[name].unique() for name in ("group", "photons"))
-    for group, (set_name, pairs), flux in product(groups, board.parts().items(), fluxes):
-        rows = board.samples(set_name, flux).query("group == @group")
-        px = rows.pivot(index=["set", "unit"], columns=["metric", "method"], values="total")
-        mean, median = (_lead(px[[name]].droplevel(0, axis=1)) for name in (MEAN, MEDIAN))
-        disturbed = "" if group == UNDISTURBED else f", {group}"
-        yield f"{pairs}{disturbed}, {flux:g} photons: lowest mean {mean}; lowest median {median}"
+    def means(self, set_name: str | None, flux: float) -> pd.DataFrame:
+        """Return `table.means` of a set, with low and high as `units` says, at a flux.
 
-
-def _lead(px: pd.DataFrame) -> str:
-    """Return the method of the least mean, and how far the next and our own are above it."""
-    first, second, *_ = px.mean().sort_values(kind="stable").index
-    own, above = next((name for name in OWN_METHODS if name in px), first), []
-    for name in dict.fromkeys((second, own) if own != first else (second,)):
-        gap, half = table.difference(px[name].to_numpy(), px[first].to_numpy())
-        above.append(f"{name} {gap:.2f}{f' ± {half:.2f}' if half == half else ''} px")
-    return f"{first} {px[first].mean():.2f} px, {' and '.join(above)} above it"
+        `above_px` is how far a mean error is above the least, `above_half_px` half its interval.
+        """
+        samples, is_range = self.samples(set_name, flux), "range" in self.units(set_name)[1]
+        rows = table.means(samples).set_index(table.CASE)
+        if is_range:
+            values = samples.assign(value=samples["total"] / samples["blocks"])
+            ends = values.groupby(table.CASE)["value"]
+            rows["low"], rows["high"] = ends.min(), ends.max()
+        for group, same in samples[samples["metric"] == MEAN].groupby("group", sort=False):
+            sums = table.by_method(same)
+            least = min(sums.values(), key=table.mean)
+            for name, of_method in sums.items():
+                gap, half = table.difference(of_method, least)
+                half = math.nan if is_range else half
+                rows.loc[(MEAN, name, flux, group), ["above_px", "above_half_px"]] = gap, half
+        return rows.reset_index()
 
 
 def frame_errors(
@@ -135,8 +157,8 @@ def frame_errors(
     """Return the errors of methods on the same photons of all clips, means per pixel and frame.
 
     One clip is in memory at a time; `count` is their number, if an iterator gives them. Three or
-    more methods are also compared with each other. Raises ValueError if a method gives no velocity
-    or needs more frames than a clip has, or a clip is too small.
+    more methods are also compared with each other. Raises ValueError if a method gives no velocity,
+    or no flow anywhere, or needs more frames than a clip has, or a clip is too small.
     """
     detectors = [block_detector(method) for method in methods]
     count = len(clips) if isinstance(clips, Sized) else count
@@ -145,17 +167,20 @@ def frame_errors(
     with progress("Measuring flow", count * len(cases), "draw") as advance:
         for clip in clips:
             for draw, disturbance, flux in cases:
-                counts = clip.counts(flux, draw, disturbance)
                 if not rows:  # compiled before time is measured
-                    for detector in detectors:
-                        dense_flow(detector, clip, counts)
-                case = {"set": clip.set_name, "unit": clip.name, "photons": flux}
+                    with working("Compiling and trying the methods"):
+                        for detector in detectors:
+                            brightest = clip.counts(max(fluxes), draw)
+                            check_gives_flow(detector, dense_flow(detector, clip, brightest))
+                counts = clip.counts(flux, draw, disturbance)
+                case = {"set": clip.set_name, "unit": clip.name, "photons": flux, "draw": draw}
+                case["sequence"] = clip.sequence or f"{clip.set_name} {clip.name}"
                 case["group"] = str(disturbance or UNDISTURBED)
                 rows += [case | errors for errors in _errors(detectors, clip, counts)]
                 advance()
     if not rows:
         raise ValueError("no pair with texture; give others")
-    return Board(pd.DataFrame(rows).groupby(_CASE, sort=False, as_index=False).mean())
+    return Board(pd.DataFrame(rows))
 
 
 def _errors(
@@ -168,6 +193,8 @@ def _errors(
         flow = dense_flow(detector, clip, counts)
         row: dict[str, Any] = {SECONDS: time.process_time() - start}
         row |= {"method": detector.name, "frames": detector.memory_frames + 1}
+        is_missing = np.asarray(~np.isfinite(flow).all(axis=-1))
+        row[NONE], flow[is_missing] = is_missing[known].mean(), 0
         row[MEDIAN] = np.median(np.hypot(*(flow - clip.flow)[known].T))
         errors = DenseErrors()
         errors.add(flow, clip.flow, clip.hidden)
@@ -190,12 +217,21 @@ def _errors(
 def write_board(path: Path, board: Board, stand_in: str = "") -> None:
     """Write a row per pair, disturbance, flux and method, as CSV: means over the pair's draws.
 
-    Without truth, rows name the stand-in.
+    Without truth, rows name the stand-in; else NAME-means.csv has the means over pairs, with low
+    and high, and what these are (`Board.units`).
     """
     columns = [*_CASE, *METRICS, *([FROM_OTHERS] if stand_in else [])]
     rows = board.by_scene.reindex(columns=columns)
     names = {"unit": "pair", "group": "disturbance", "photons": "photons_per_px"}
-    if stand_in:
+    if not stand_in:
+        cases = product(board.parts().items(), board.by_draw["photons"].unique())
+        means = pd.concat(
+            board.means(name, flux).assign(set=head, ends=board.units(name)[1])
+            for (name, head), flux in cases
+        ).rename(columns=names)
+        text = means.to_csv(index=False, float_format="%.6g", na_rep="nan")
+        write_text(path.with_stem(f"{path.stem}-means"), text)
+    else:
         distances = {name: name.replace("epe_", "") for name in METRICS if name != SECONDS}
         names |= {name: f"{distance}_from_stand_in" for name, distance in distances.items()}
         rows.insert(6, "stand_in", stand_in)
@@ -204,7 +240,7 @@ def write_board(path: Path, board: Board, stand_in: str = "") -> None:
 
 
 def dense_flow(detector: BlockDetector, clip: FlowClip, counts: Frames) -> Floats:
-    """Return the flow (H, W, 2) in the middle of counts (T, H, W), px; 0 if a method gives none.
+    """Return the flow (H, W, 2) in the middle of counts (T, H, W), px; NaN if a method has none.
 
     Raises ValueError if the method needs more frames.
     """
@@ -212,8 +248,7 @@ def dense_flow(detector: BlockDetector, clip: FlowClip, counts: Frames) -> Float
     if len(counts) < needed:
         raise ValueError(f"{clip.name} has {len(counts)} frames; {detector.name} needs {needed}")
     first = (len(counts) - needed) // 2
-    flow = detector.dense(*counts[first : first + needed])
-    return np.nan_to_num(flow, nan=0.0, posinf=0.0, neginf=0.0)
+    return np.array(detector.dense(*counts[first : first + needed]))
 
 
 def pairs_without_truth(
@@ -257,4 +292,4 @@ def clips_without_truth(
         if light.min() == light.max() or not np.isfinite(flow).any():
             say(f"{name}: no contrast, or {detector.name} finds no flow; skipping the pair")
         else:
-            yield FlowClip(name, light, flow)
+            yield FlowClip(name, light, flow, sequence="frames")

@@ -85,7 +85,7 @@ def _pairs(options: Namespace) -> Path:
     from megalopta.benchmark import whole_frames
     from megalopta.benchmark.clips import read_pair
     from megalopta.benchmark.disturbances import disturbance
-    from megalopta.benchmark.methods import block_detector, methods_and_baselines
+    from megalopta.benchmark.methods import block_detector, methods_and_baselines, velocity_methods
     from megalopta.core.errors import refused_as
     from megalopta.core.progress import say
     from megalopta.report.images import evenly_spaced
@@ -93,7 +93,8 @@ def _pairs(options: Namespace) -> Path:
     with ExitStack() as stack, refused_as():
         names = filter(None, ",".join(options.disturb or ()).split(","))
         disturbances = list(dict.fromkeys(map(disturbance, names)))
-        methods = options.methods.split(",") if options.methods else methods_and_baselines()
+        names_of_methods = options.methods.split(",") if options.methods else ()
+        methods = velocity_methods(names_of_methods or methods_and_baselines()).values()
         if options.no_truth:
             reference = block_detector(options.reference or "DIS")
             pictures = whole_frames.pairs_without_truth(stack, options.paths, options.unit)
@@ -107,9 +108,9 @@ def _pairs(options: Namespace) -> Path:
             clips, count = (read_pair(*pair) for pair in files), len(files)
         draws = options.draws or (5 if count == 1 else 1)
         board = whole_frames.frame_errors(
-            clips, methods, options.photons, draws, disturbances, count
+            clips, [*methods], options.photons, draws, disturbances, count
         )
-    over = ", mean over pairs, 95 % CI over pairs" if count > 1 else ""
+    over = ", mean over pairs" if count > 1 else ""
     heads = {metric: head for metric, (head, *_) in whole_frames.METRICS.items()}
     if options.no_truth:
         stand_in = f"{reference.name} on the pictures without noise, which favors {reference.name}"
@@ -121,20 +122,20 @@ def _pairs(options: Namespace) -> Path:
         heads |= {whole_frames.FROM_OTHERS: "others px"}
     else:
         whole_frames.write_board(options.out, board)
-        print(*whole_frames.verdicts(board), "", sep="\n")
         print(f"Errors of all pixels{over}; means by motion (px) and by occlusion:")
     _print_tables(board, heads)
     return Path(options.out)
 
 
-def _files_of_pairs(options: Namespace) -> "Iterator[tuple[str, Files, str]]":
-    """Yield name, files and set of the pairs to measure."""
+def _files_of_pairs(options: Namespace) -> "Iterator[tuple[str, Files, str, str]]":
+    """Yield name, files, set and sequence of the pairs to measure."""
     from megalopta.benchmark import clips
     from megalopta.report.images import evenly_spaced
 
     paths, scale = options.paths, options.png_scale
     if len(paths) == 3 and not any(path.is_dir() for path in paths):
-        yield paths[0].stem, (*paths[:2], clips.TrueFlow(paths[2], scale)), ""
+        name = "/".join(paths[0].resolve().with_suffix("").parts[-2:])
+        yield name, (*paths[:2], clips.TrueFlow(paths[2], scale)), "", ""
         return
     if len(paths) > 1 and not all(path.is_dir() for path in paths):
         raise UserError(
@@ -149,28 +150,32 @@ def _files_of_pairs(options: Namespace) -> "Iterator[tuple[str, Files, str]]":
             for pair, files in evenly_spaced([*pairs.items()], options.pairs):
                 if (home := homes.setdefault(files[0], path)) != path:
                     raise UserError(f"{home} and {path} both hold {files[0]}; give one of them")
-                yield pair, files, f"{alone} {pass_name}".strip()
+                sequence = f"{alone} {clips.sequence_of(pair)}"
+                yield pair, files, f"{alone} {pass_name}".strip(), sequence
 
 
 def _print_tables(board: "Board", heads: dict[str, str]) -> None:
     """Print a table per set and flux: a row per method, a column per metric that is known of any.
 
-    Disturbances have a column for the mean error.
+    Methods of the least mean error come first. Disturbances have a column for the mean error.
     """
     from rich.box import SIMPLE
     from rich.console import Console
     from rich.table import Table
 
-    from megalopta.benchmark.table import MEAN, MEDIAN, means, records
+    from megalopta.benchmark.table import MEAN, MEDIAN, records
 
     (undisturbed, *groups), fluxes = (
         board.by_scene[name].unique() for name in ("group", "photons")
     )
     console = Console(width=_WIDTH + 14 * len(groups))
-    columns = [*heads.values(), *(f"{group}\nmean px" for group in groups)]
+    median, mean, *others = heads.values()
+    above = "above least\nmean px"
+    columns = [median, mean, above, *others, *(f"{group}\nmean px" for group in groups)]
     for (set_name, heading), flux in product(board.parts().items(), fluxes):
-        cells = dict[tuple[str, str], str]()
-        for row in records(means(board.samples(set_name, flux))):
+        cells, means, spread = {}, board.means(set_name, flux), board.units(set_name)[1]
+        means = means.sort_values("above_px", kind="stable", na_position="last")
+        for row in records(means):
             factor, digits = (100, 1) if "share" in row.metric else (1, 2)
             ends = (factor * end for end in (row.value, row.low, row.high))
             value, low, high = (f"{end:.{digits}f}" if end < 1e4 else f"{end:.0e}" for end in ends)
@@ -178,14 +183,18 @@ def _print_tables(board: "Board", heads: dict[str, str]) -> None:
                 has_ends = row.metric in (MEDIAN, MEAN) and row.low == row.low
                 cell = f"{value}\n{low}…{high}" if has_ends else value
                 cells[row.method, heads.get(row.metric, "")] = cell
+                if row.metric == MEAN:
+                    half = f" ± {row.above_half_px:.2f}" * (row.above_half_px > 0)
+                    cells[row.method, above] = f"{row.above_px:.2f}{half}"
             elif row.metric == MEAN:
                 cells[row.method, f"{row.group}\nmean px"] = value
         table = Table(box=SIMPLE, padding=(0, 1))
-        table.add_column(f"{heading}, {flux:g} photons", no_wrap=True)
+        photons = f"{flux:g} photon{'' if flux == 1 else 's'} per px"
+        table.add_column("\n".join(filter(None, (f"{heading}, {photons}", spread))), no_wrap=True)
         known = [column for column in columns if column in {place for _, place in cells}]
         for column in known:
             table.add_column(column, justify="right")
-        for method in board.by_scene["method"].unique():
+        for method in means["method"].unique():
             table.add_row(method, *(cells.get((method, column), "–") for column in known))
         console.print(table)
 
@@ -238,9 +247,19 @@ def _photons(options: Namespace) -> object:
     example="megalopta benchmark sequence out/night --methods BM DIS PF --fluxes 1e4 1e6",
 )
 def _sequence(options: Namespace) -> Path:
-    from megalopta.benchmark.ranking_run import run_ranking
+    import pandas as pd
 
-    return run_ranking(options.dataset, options.out, options.overrides)
+    from megalopta.benchmark.ranking_run import run_ranking
+    from megalopta.benchmark.table import MEAN, NONE
+
+    page = run_ranking(options.dataset, options.out, options.overrides)
+    rows = pd.read_csv(page.with_suffix(".csv")).query("group == 'all'")
+    for metric, head in ((MEAN, "mean endpoint error, px"), (NONE, "share without a velocity")):
+        of_metric = rows[rows["metric"] == metric]
+        if metric == MEAN or of_metric["value"].any():
+            values = of_metric.pivot(index="method", columns="photons_per_px", values="value")
+            print(f"{head}\n{values.to_string(float_format='%.3g'.__mod__)}\n")
+    return page
 
 
 @verb(

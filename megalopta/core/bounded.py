@@ -73,7 +73,10 @@ def read_bytes(path: str | Path, at_most: int = TEXT_BYTES) -> bytes:
 
 def read_text(path: str | Path, at_most: int = TEXT_BYTES) -> str:
     """Return the text of a regular file; errors as `read_bytes`, ValueError if not UTF-8."""
-    return read_bytes(path, at_most).decode("utf-8")
+    try:
+        return read_bytes(path, at_most).decode("utf-8")
+    except UnicodeDecodeError:
+        raise ValueError(f"{Path(path).name} is no text; save it as UTF-8") from None
 
 
 def read_json(path: str | Path, at_most: int = TEXT_BYTES) -> Any:

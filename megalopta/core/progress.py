@@ -35,7 +35,7 @@ class Pace:
     """Share and time left of counted steps, such as "34 % of 300 frames · 1:24 left"."""
 
     def __init__(self, total: int, unit: str) -> None:
-        self.share, self._total, self._unit = 0.0, total, unit
+        self.share, self._total, self._unit = 0.0, total, f"{unit}{'s' * (total != 1)}"
         self._start_s = clock()
         self._counted = deque([(self._start_s, 0)])  # times, and steps done by then
         self._least_s = math.inf
@@ -55,7 +55,7 @@ class Pace:
         Steps that were kept from an earlier run take no time, and say nothing of those to come. A
         step that takes longer than the others does not lengthen the time left.
         """
-        text = f"{math.floor(100 * self.share)} % of {self._total} {self._unit}s · "
+        text = f"{math.floor(100 * self.share)} % of {self._total} {self._unit} · "
         (before_s, before), (last_s, done) = self._counted[0], self._counted[-1]
         since_s, elapsed_s = clock() - last_s, clock() - self._start_s
         if done == before or last_s - self._start_s <= since_s / 2:
@@ -110,7 +110,7 @@ def progress(description: str, total: int, unit: str) -> Iterator[Callable[..., 
     with working(description, pace.__str__, pace):
         yield pace.count
     if clock() >= start_s + FIRST_S:
-        say(f"{description}: {total} {unit}s in {clock() - start_s:.1f} s")
+        say(f"{description}: {total} {unit}{'s' * (total != 1)} in {clock() - start_s:.1f} s")
 
 
 @contextmanager
@@ -121,7 +121,7 @@ def working(
 
     Its state is by default the time since it began. Outside every step, the last one is named.
     """
-    global _told_s
+    global _told_s, _between
     if _silences:
         yield
         return
@@ -159,6 +159,7 @@ def working(
         over.set()
         thread.join()
         _speakers.remove(over)
+        _between = f"after {description}"
 
 
 def clock_time(seconds: float) -> str:

@@ -108,6 +108,7 @@ def test_a_function_of_a_module_in_the_working_folder(tmp_path, monkeypatch):
     assert right.name == "reference_flow:right"
     np.testing.assert_array_equal(right.dense(first, second)[5, 5], [1, 0])
     assert method("reference_flow:known").name == "BM"
+    assert method("reference_flow.py:right").function is right.function
 
 
 @pytest.fixture
@@ -117,6 +118,7 @@ def in_folder(tmp_path, monkeypatch):
     monkeypatch.setattr(sys, "path", [*sys.path])
     (tmp_path / "fails_to_load.py").write_text("import sys; sys.exit('no\\nlicense')")
     (tmp_path / "json.py").write_text("raise SystemExit('shadowed')")
+    (tmp_path / "picture.py").write_bytes(b"\x89PNG\0")
 
 
 @pytest.mark.parametrize(
@@ -124,6 +126,7 @@ def in_folder(tmp_path, monkeypatch):
     [
         ("no_such_module:flow", "No module named"),
         ("math:pi", "is not a function"),
+        ("picture.py:flow", "picture.py is not Python"),
         ("os:system", "give a function of two frames"),
         ("fails_to_load:flow", "no license; give the name of a module"),
         ("..:flow", "give the name of a module"),

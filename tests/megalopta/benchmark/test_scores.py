@@ -10,6 +10,8 @@ from PIL import Image
 
 from megalopta.benchmark.scores import Scores, score_submissions
 from megalopta.cli import main as cli
+from megalopta.core.errors import UserError
+from megalopta.flow.detectors.gray_detector import detector_from
 from megalopta.flow.formats import write_flo
 
 SHAPE = (60, 80)
@@ -114,6 +116,9 @@ def test_a_method_is_scored_as_the_files_that_it_would_write(tree, tmp_path, cap
         assert entry["errors"][group]["epe_px"] == pytest.approx(
             files.errors[group]["epe_px"], rel=1e-6
         )
+    nothing = detector_from(lambda a, b: np.full((*a.shape, 2), np.nan), "nothing")
+    with pytest.raises(UserError, match="nothing on .*: no flow where the truth is known"):
+        score_submissions([nothing], truth)
     *_, still = score_submissions([lambda a, b: np.zeros((*a.shape, 2))], truth).entries
     speeds = [np.hypot(*motion) for motion in MOTIONS]
     assert still.errors["all"]["epe_px"] == pytest.approx(np.mean(speeds))

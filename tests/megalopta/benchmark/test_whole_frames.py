@@ -10,7 +10,7 @@ import pytest
 from PIL import Image
 from scipy import stats
 
-from megalopta.benchmark.clips import FlowClip
+from megalopta.benchmark.clips import FlowClip, sequence_of
 from megalopta.benchmark.methods import (
     TUNED,
     block_detector,
@@ -25,12 +25,13 @@ from megalopta.benchmark.whole_frames import (
     MEAN,
     MEDIAN,
     METRICS,
+    NONE,
     SECONDS,
+    Board,
     clips_without_truth,
     dense_flow,
     frame_errors,
     pairs_without_truth,
-    verdicts,
 )
 from megalopta.cli import main as cli
 from megalopta.flow import METHODS, optical_flow
@@ -60,7 +61,7 @@ def always(*flow):
 
 
 def test_the_truth_has_no_error_and_standstill_that_of_the_motion(clip):
-    methods = [always(2.0, 1.0), always(0.0, 0.0), always(np.nan, np.nan)]
+    methods = [always(2.0, 1.0), always(0.0, 0.0), detector_from(half_known)]
     board = frame_errors([clip], methods, (3.0, 10.0), draws=2)
     assert board.parts() == {None: "rolled"}
     motion = np.hypot(2, 1)
@@ -73,6 +74,7 @@ def values(board):
     """The mean of every metric of the only method and flux, but for processor time."""
     (row,) = board.by_scene.to_dict("records")
     del row[SECONDS]
+    del row[NONE]
     return {name: row[name] for name in METRICS if np.isfinite(row.get(name, np.nan))}
 
 
@@ -122,43 +124,95 @@ def test_flow_of_methods_of_blocks_is_that_of_optical_flow(clip):
     )
 
 
-def on_sets(errors_by_set):
-    """A board of two constant flows, whose truths are at these distances from (0, 0)."""
-    light = np.ones((2, 72, 72))
-    clips = [
-        FlowClip(f"pair {number}", light, np.full((72, 72, 2), (far, 0.0)), set_name=name)
-        for name, errors in errors_by_set.items()
-        for number, far in enumerate(errors)
+def of_sequences(errors_by_draw):
+    """A board of methods a and b whose mean errors (runs, sequences, frames) are given."""
+    rows = [
+        {"set": "s", "sequence": str(place[0]), "unit": str(place), "group": "none"}
+        | {"photons": 3.0, "frames": 2, "draw": 0, "method": method, MEAN: error}
+        for method, errors in errors_by_draw.items()
+        for place, error in np.ndenumerate(errors)
     ]
-    still = always(0.0, 0.0)
-    return frame_errors(clips, [still.model_copy(update={"name": "PF"}), always(2.0, 0.0)], (3.0,))
+    return Board(pd.DataFrame(rows))
 
 
-def test_a_verdict_says_who_is_first_by_how_much_in_every_set_and_over_all_pairs():
-    """Student's interval over pairs of the difference between both, as SciPy has it."""
-    near, far = (0.1, 0.4, 0.5), (1.7, 1.9)
-    whole, *of_sets = verdicts(board := on_sets({"near": near, "far": far}))
-    assert board.parts() == {None: "All 5 pairs", "near": "near (3 pairs)", "far": "far (2 pairs)"}
-    errors = np.array([*near, *far])
-    paired = stats.ttest_rel(errors, np.abs(errors - 2))
-    half = np.diff(paired.confidence_interval())[0] / 2
-    gap = errors.mean() - np.abs(errors - 2).mean()
-    assert gap < 0
-    first = f"lowest mean PF 0.92 px, (2.0, 0.0) {-gap:.2f} ± {half:.2f} px above it"
-    assert whole.startswith(f"All 5 pairs, 3 photons: {first}; lowest median PF 0.92 px")
-    assert [sentence.split(" px,")[0] for sentence in of_sets] == [
-        "near (3 pairs), 3 photons: lowest mean PF 0.33",
-        "far (2 pairs), 3 photons: lowest mean (2.0, 0.0) 0.20",
-    ]
+def test_95_of_100_intervals_over_sequences_hold_the_mean_though_frames_are_alike():
+    """Frames of a sequence differ by 5 %, sequences by 35 %: over frames it held 60 of 100 (5 σ)."""
+    rng, held, over_frames, runs = np.random.default_rng(0), 0, 0, 200
+    for _ in range(runs):
+        errors = rng.lognormal(0, 0.35, (8, 1)) * rng.lognormal(0, 0.05, (8, 4))
+        board = of_sequences({"a": errors})
+        (row,) = board.means(None, 3.0).itertuples()
+        held += row.low <= np.exp(0.35**2 / 2 + 0.05**2 / 2) <= row.high
+        low, high = stats.t.interval(0.95, 31, errors.mean(), stats.sem(errors, axis=None))
+        over_frames += low <= np.exp(0.35**2 / 2 + 0.05**2 / 2) <= high
+    assert board.units(None) == ("sequence", "95 % CI over 8 sequences")
+    assert held > runs * 0.95 - 5 * np.sqrt(runs * 0.95 * 0.05) > over_frames
 
 
-def test_own_methods_that_are_not_first_are_named_by_the_verdict(clip):
-    third = always(0.0, 0.0).model_copy(update={"name": "PF"})
-    (sentence,) = verdicts(
-        frame_errors([clip], [third, always(2.0, 1.0), always(2.0, 2.0)], (3.0,))
-    )
-    told = "lowest mean (2.0, 1.0) 0.00 px, (2.0, 2.0) 1.00 px and PF 2.24 px above it"
-    assert told in sentence
+def test_the_difference_from_the_best_has_students_interval_over_means_of_sequences():
+    a, b = np.random.default_rng(1).lognormal(0, 0.4, (2, 6, 3))
+    b += 1
+    _, row = of_sequences({"a": a, "b": b}).means(None, 3.0).itertuples()
+    paired = stats.ttest_rel(b.mean(axis=1), a.mean(axis=1)).confidence_interval()
+    ends = row.above_px - row.above_half_px, row.above_px + row.above_half_px
+    assert ends == pytest.approx(tuple(paired))
+
+
+@pytest.mark.parametrize(
+    ("shape", "told"),
+    [((4, 2), "range of 4 sequences"), ((1, 9), "range of 9 pairs of one sequence"), ((1, 1), "")],
+)
+def test_few_sequences_and_frames_of_one_have_a_range(shape, told):
+    errors = np.random.default_rng(0).lognormal(size=shape)
+    board = of_sequences({"a": errors})
+    (row,) = board.means(None, 3.0).itertuples()
+    units = errors.mean(axis=1) if shape[0] > 1 else errors[0]
+    assert board.units(None)[1] == told and np.isnan(row.above_half_px)
+    if told:
+        assert (row.low, row.high) == pytest.approx((units.min(), units.max()))
+
+
+def test_one_pair_has_the_interval_over_its_draws(clip):
+    board = frame_errors([clip], ["LK"], (3.0,), draws=6)
+    errors = board.by_draw[MEAN]
+    row = board.means(None, 3.0).set_index("metric").loc[MEAN]
+    low, high = stats.t.interval(0.95, 5, errors.mean(), stats.sem(errors))
+    assert board.units(None)[1] == "95 % CI over 6 draws"
+    assert (row["low"], row["high"]) == pytest.approx((low, high), rel=0.02)
+
+
+@pytest.mark.parametrize(
+    ("pair", "sequence"),
+    [
+        ("alley_1/frame_0001", "alley_1/"),
+        ("0001/flow_BW_right/flow_BW_right_0004", "0001/"),
+        ("000012_10", "/000012"),
+        ("00001_flow", "/00001_flow"),
+        ("other-gt-flow/Venus/flow10", "other-gt-flow/Venus/"),
+    ],
+)
+def test_sequences_by_the_names_of_pairs(pair, sequence):
+    """Sintel and megalopta, Spring in all directions, KITTI, FlyingChairs and Middlebury."""
+    assert sequence_of(pair) == sequence
+
+
+def half_known(first, second):
+    return np.where(np.arange(first.shape[1])[:, None] % 4, np.nan, np.zeros((*first.shape, 2)))
+
+
+def test_the_share_without_flow_is_told_and_a_method_without_any_refused(clip, tmp_path, refused):
+    board = frame_errors([clip], [detector_from(half_known)], (3.0,))
+    assert board.by_scene[NONE].tolist() == [0.75]
+    for flow, told in ((np.nan, "gives no flow at any pixel"), (np.inf, "infinite flow")):
+        with pytest.raises(ValueError, match=rf"\({flow}, {flow}\):? {told}"):
+            frame_errors([clip], [always(flow, flow)], (3.0,))
+
+
+def test_small_frames_do_for_methods_without_blocks(clip):
+    small = replace(clip, light=clip.light[:, :64, :64], flow=clip.flow[:64, :64])
+    frame_errors([small], ["DIS", always(2.0, 1.0)], (3.0,))
+    with pytest.raises(ValueError, match="BM: frames of 64 × 64 px .* a method without blocks"):
+        frame_errors([small], ["BM"], (3.0,))
 
 
 def test_a_disturbance_is_a_further_row_with_the_same_photons_for_all(clip, tmp_path, capsys):
@@ -178,7 +232,7 @@ def test_a_disturbance_is_a_further_row_with_the_same_photons_for_all(clip, tmp_
     none, shadow = (float(rows[place][MEAN]) for place in (0, 4))
     assert shadow > 1.5 * none  # LK supposes constant light
     said = capsys.readouterr().out
-    assert "ramp 20, 1000 photons: lowest mean" in said and "shadow 40" in said
+    assert "above least" in said and "shadow 40" in said
 
 
 def test_several_folders_are_sets_and_one_table_over_all(clip, tmp_path, capsys):
@@ -186,7 +240,7 @@ def test_several_folders_are_sets_and_one_table_over_all(clip, tmp_path, capsys)
         middlebury(tmp_path / place, clip)
     rows = measured(tmp_path, tmp_path / "one/set", tmp_path / "two/set", "--methods", "BM,LK")
     assert {row["set"] for row in rows} == {f"{tmp_path}/one/set", f"{tmp_path}/two/set"}
-    assert "All 2 pairs, 1 photons: lowest mean" in capsys.readouterr().out
+    assert "All 2 pairs, 1 photon per px" in capsys.readouterr().out
 
 
 def test_methods_and_baselines_of_a_board_do_with_two_frames():
@@ -245,9 +299,12 @@ def test_a_folder_becomes_a_table_of_error_against_flux(clip, tmp_path, capsys):
     assert list(rows[0])[6:] == list(METRICS)
     assert float(rows[3]["mean_epe_px"]) < 0.05
     assert float(rows[0]["mean_epe_px"]) > 0
+    of_mean = pd.read_csv(tmp_path / "errors-means.csv").query("metric == @MEAN and method == 'LK'")
+    assert of_mean["photons_per_px"].tolist() == [1, 1000]
+    assert (of_mean["low"] < of_mean["value"]).all() and (of_mean["value"] < of_mean["high"]).all()
     said = capsys.readouterr().out
-    assert said.startswith("other-gt-flow/Venus/flow10, 1 photons: lowest mean ")
-    assert "BM" in said and "1000 photons" in said and "WAUC" in said and "…" not in said
+    assert "other-gt-flow/Venus/flow10, 1 photon per px" in said and "95 % CI over 5 draws" in said
+    assert "BM" in said and "1000 photons" in said and "WAUC" in said and "none %" in said
 
 
 @pytest.mark.parametrize(
@@ -310,7 +367,7 @@ def stays(first, second):
 
 
 def says_nothing(first, second):
-    return np.full((*first.shape, 2), np.nan)
+    return half_known(first, second)
 
 
 def test_distances_from_the_stand_in_and_from_the_median_of_the_others(folder):
@@ -349,7 +406,7 @@ def test_pictures_become_tables_that_say_what_they_are(folder, tmp_path, capsys)
     assert (dark > 3 * bright)[["DIS", "LK"]].all()
     said = capsys.readouterr().out
     assert "NO TRUE FLOW: these are distances, not errors" in said
-    assert "All 2 pairs, 1 photons" in said and "mean over pairs, 95 % CI over pairs" in said
+    assert "All 2 pairs, 1 photon " in said and "range of 2 pairs of one sequence" in said
 
 
 def test_pairs_without_contrast_are_left_out(folder, capsys):

@@ -101,10 +101,10 @@ def test_progress_of_silent_work_is_shown_with_its_step(capsys, impatient):
         inner = capsys.readouterr().err
         time.sleep(0.2)
     assert re.search(
-        "Making: 0 % of 1 sequences · 0:0. so far; baking, 25 % of 4 parts · 0:0", inner
+        "Making: 0 % of 1 sequence · 0:0. so far; baking, 25 % of 4 parts · 0:0", inner
     )
     outer = capsys.readouterr().err
-    assert re.search("Making: 0 % of 1 sequences · 0:0. so far; baking\n", outer)
+    assert re.search("Making: 0 % of 1 sequence · 0:0. so far; baking\n", outer)
 
 
 def test_a_terminal_shows_the_step_and_clears_it(capsys, monkeypatch):
