@@ -164,10 +164,6 @@ def _clear(directions: Floats, disc: Floats) -> Floats:
     return np.asarray((1 - np.exp(-0.32 / directions[:, 2])) * glow)
 
 
-def _overcast(directions: Floats, disc: Floats) -> Floats:
-    return np.asarray(1 + 4 * np.exp(-0.7 / directions[:, 2]))
-
-
 def _way(directions: Floats) -> Floats:
     """Path length through a thin layer, relative to that to the zenith."""
     return np.asarray((1 - 0.96 * (1 - directions[:, 2] ** 2)) ** -0.5)
@@ -183,16 +179,12 @@ def _stars(directions: Floats, disc: Floats) -> Floats:
     return np.asarray(layer * 10 ** (-0.4 * _EXTINCTION_MAG * (_way(directions) - 1)))
 
 
-def _twilight(directions: Floats, disc: Floats) -> Floats:
-    return twilight.sky(directions, math.atan2(disc[1], disc[0]))
-
-
 SHAPES: Mapping[ComponentName, Shape] = {
     "daylit sky": _clear,
     "moonlit sky": _clear,
-    "clouds": _overcast,
+    "clouds": lambda directions, disc: 1 + 4 * np.exp(-0.7 / directions[:, 2]),
     "airglow": _airglow,
     "starlight": _stars,
-    "twilight": _twilight,
+    "twilight": lambda directions, disc: twilight.sky(directions, math.atan2(disc[1], disc[0])),
 }
 """Brightness, any unit, from directions (n, 3) above the horizon, with the disc in one (3,)."""

@@ -69,6 +69,12 @@ class Command(argparse.ArgumentParser):
         """Option strings, such as "--out"."""
         return set(self._option_string_actions)
 
+    @property
+    def lists(self) -> set[str]:
+        """Option strings of comma-separated values."""
+        actions = self._option_string_actions.items()
+        return {name for name, action in actions if "," in str(action.metavar)}
+
     def takes(self, path: str) -> Words:
         """Number of words that a setting takes. Raises UserError if there is none."""
         if self.settings is None:
@@ -85,8 +91,6 @@ class Command(argparse.ArgumentParser):
     def error(self, message: str) -> NoReturn:
         """Refuse the arguments."""
         verb = self.prog.removeprefix("megalopta").strip()
-        if re.fullmatch(r"unrecognized arguments:[ 0-9.e+-]+", message):
-            message += ", which several values of an option are: join them by commas"
         raise UserError(f"{verb}: {message}; see {self.prog} --help".removeprefix(": "))
 
 

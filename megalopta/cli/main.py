@@ -4,11 +4,13 @@ import atexit
 import gc
 import logging
 import os
+import re
 import sys
 from argparse import Namespace
 from collections.abc import Callable, Collection, Iterator, Sequence
 from difflib import get_close_matches
 from io import TextIOWrapper
+from pathlib import Path
 from typing import NoReturn
 
 from megalopta import __version__
@@ -92,6 +94,7 @@ def _run(arguments: Sequence[str]) -> None:
     if command.verbs and not any(word.startswith("-") for word in arguments):
         arguments = [*arguments, "--help"]
     words, overrides = split_overrides(arguments, parser.named | command.named, command.takes)
+    words = joined(words, command.lists)
     options = parser.parse_args(words, Namespace(overrides=overrides))
     with working(command.prog.removeprefix("megalopta ")):
         made = options.run(options)
@@ -120,13 +123,27 @@ def program() -> Command:
     return parser
 
 
+def joined(words: Sequence[str], lists: Collection[str]) -> list[str]:
+    """Join by commas what follows an option of a list, up to an option or a path that exists."""
+    kept, is_list = list[str](), False  # whether the last is of a list
+    for word in words:
+        is_path = Path(word).exists() and not word.endswith(".onnx")
+        if is_list and not word.startswith("-") and not is_path:
+            kept[-1] += f",{word}"
+        else:
+            is_list = kept[-1:] != [] and kept[-1] in lists
+            kept.append(word)
+    return kept
+
+
 def split_overrides(
     arguments: Sequence[str], options: Collection[str], takes: Callable[[str], Words]
 ) -> tuple[list[str], dict[str, str]]:
     """Separate a verb's own options and words from settings: path to a value in YAML.
 
     A setting of one value takes one word, a list all words up to the next option, a switch only
-    "true" or "false", so that `render --scene.trees 200 my.yaml` renders my.yaml. Any "--path" that
+    "true" or "false", so that `render --scene.trees 200 my.yaml` renders my.yaml. Words of a list
+    may be joined by commas. Any "--path" that
     is no option starts a setting; `takes` returns how many words it takes. Raises UserError for a
     mistyped option, a setting without a value, or a duplicate setting.
     """
@@ -157,8 +174,11 @@ def split_overrides(
         else:
             settings[taker] = [argument] if words == "switch" else [*settings[taker], argument]
             taker = taker if words == "all" else ""
+    yaml = dict[str, str]()
     for path, values in settings.items():
         if not values:
             raise UserError(f"--{path}: missing value; give one")
-    yaml = {p: v[0] if len(v) == 1 else f"[{', '.join(v)}]" for p, v in settings.items()}
+        text = ", ".join(values)
+        has_commas = re.fullmatch(r"[^\s\[{'\"]\S*,\S+", text) and takes(path) == "all"
+        yaml[path] = f"[{text}]" if len(values) > 1 or has_commas else text
     return kept, yaml

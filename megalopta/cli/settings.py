@@ -92,8 +92,7 @@ class VerbSettings:
         ]
         for path, field, value in shown:
             meaning = " ".join(field["meaning"].split())
-            if often:
-                meaning = f"{meaning.split('. ')[0].rstrip('.')}."
+            meaning = f"{(meaning.split('. ')[0] if often else meaning).rstrip('.')}."
             if missing := [choice for choice in field.get("choices", ()) if choice not in meaning]:
                 meaning += f" {'Also' if len(missing) < len(field['choices']) else 'One of'}: "
                 meaning += f"{', '.join(missing)}."

@@ -134,13 +134,13 @@ verb(
 )(partial(run_later_stage, "flow"))
 
 _OF_PICTURES = (
-    option("--photons N", "mean photons on a pixel in a frame, such as 2 or 0.5,10", numbers),
+    option("--photons N,N", "mean photons on a pixel in a frame, such as 2 or 0.5,10", numbers),
     option(
-        "--lux E",
+        "--lux E,E",
         "or illuminance of the scene, lux: 0.25 is full moon, 10 a street, 500 indoors",
         numbers,
     ),
-    option("--luminance L", "or mean luminance of the pictures, cd/m²", numbers),
+    option("--luminance L,L", "or mean luminance of the pictures, cd/m²", numbers),
     option("--unit", "unit of arrays, which do not state it", choices=["srgb", "linear", "cd/m2"]),
     option(
         "--reflectance R", "mean reflectance of the pictures, for --lux (default: 0.18)", positive

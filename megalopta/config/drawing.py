@@ -1,14 +1,17 @@
 """Draw a sequence of a plan from seed and index alone."""
 
 from collections import defaultdict
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from functools import cache, partial
-from itertools import product
+from itertools import product, starmap
 from typing import Any
 
 from megalopta.config import built_in_text
 from megalopta.config.model import Configuration, fitted, with_suited_depth
 from megalopta.config.recipe import Plan, RigCamera, Stream, choose, draw_entry
+from megalopta.config.rendering import RenderingSettings
+from megalopta.config.scene import own_fields
+from megalopta.config.sensing import SensingSettings
 from megalopta.config.yaml_model import mapping, validated
 from megalopta.core.errors import UserError
 from megalopta.core.validation import merged
@@ -54,7 +57,9 @@ def check_plan(plan: Plan) -> list[Configuration]:
 
 @cache
 def _preset(name: str) -> dict[str, Any]:
-    return mapping(built_in_text(name), "preset")
+    """Values of a built-in configuration without its exposures, which the plan states."""
+    values, left_out = mapping(built_in_text(name), "preset"), own_fields(SensingSettings)
+    return {field: value for field, value in values.items() if field not in left_out}
 
 
 def configuration_at(plan: Plan, index: int, at: Stream) -> Configuration:
@@ -103,12 +108,8 @@ def configuration_at(plan: Plan, index: int, at: Stream) -> Configuration:
 
 def repeated(configuration: Configuration, repeats: int) -> Configuration:
     """Repeat every sensor: the same device with independent noise."""
-    sensors = [
-        repeated_name(sensor, number)
-        for sensor in configuration.sensors
-        for number in range(repeats)
-    ]
-    return configuration.model_copy(update={"sensors": tuple(sensors)})
+    sensors = tuple(starmap(repeated_name, product(configuration.sensors, range(repeats))))
+    return configuration.model_copy(update={"sensors": sensors})
 
 
 def repeated_name(sensor: ImageSensor, number: int) -> ImageSensor:
@@ -125,6 +126,25 @@ def split_of(plan: Plan, index: int) -> str:
             return name
         place -= share
     return shares[-1][0]
+
+
+def split_warnings(plan: Plan) -> Iterator[str]:
+    """Yield what is wrong with the splits: empty ones, and paths of several that are equal."""
+    first_of_each = range(0, min(plan.sequences, 10_000), plan.cameras_per_path)
+    split = {index: split_of(plan, index) for index in first_of_each}
+    shares, filled = plan.splits.items(), set(split.values())
+    if empty := [name for name, share in shares if share and name not in filled]:
+        yield f"splits: no sequence in {' and '.join(empty)}; more, or another seed, fill them"
+    fields, alike = set(RenderingSettings.model_fields) - {"name", "seed"}, defaultdict(list)
+    for index in first_of_each[:200]:  # each takes 4 ms
+        alike[configuration_of(plan, index).model_dump_json(include=fields)].append(index)
+    for equal in alike.values():
+        if len({split[index] for index in equal}) > 1:
+            names = ", ".join(map(sequence_name, equal[:3])) + (", …" if len(equal) > 3 else "")
+            yield (
+                f"sequences {names} are equal but for noise, and in different splits; draw a "
+                "value, such as trajectory: {rotation_deg_s: {uniform: [5, 30]}}"
+            )
 
 
 def _stream(plan: Plan, index: int) -> Stream:

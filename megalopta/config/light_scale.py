@@ -16,11 +16,8 @@ def light_scale(configuration: Configuration, level: LightLevel) -> NDArray[np.f
     """
     light, scene = configuration.light, configuration.scene
     bands = configuration.render.bands_nm
-    if (
-        scene.is_self_luminous
-        or not isinstance(level, str)
-        or (level == light.level and scene.has_truth)
-    ):
+    is_rendered = level == light.level and scene.has_truth
+    if scene.is_self_luminous or is_rendered or not isinstance(level, str):
         return np.full(len(bands), illuminance_of(level) / light.resolved().illuminance_lux)
     before, after = scene.white(light), LEVELS[level].spectrum()
     return np.array([_band_mean(after, band) / _band_mean(before, band) for band in bands])

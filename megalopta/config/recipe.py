@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable, Mapping
+from difflib import get_close_matches
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeAlias
 
@@ -116,7 +117,8 @@ class Plan(Record, frozen=True):
     splits: dict[str, Annotated[float, Field(ge=0)]] = Field(
         default={"train": 0.8, "validation": 0.1, "test": 0.1}
     )
-    """Share of the sequences in each split; assignment depends on seed and index"""
+    """Share of the sequences in each split, relative to their sum; assignment depends on seed and
+    index"""
 
     sample: Annotated[int, Field(ge=0)] = 2
     """Number of first sequences that also form the split "sample", a small download"""
@@ -262,6 +264,9 @@ def check_ranges(value: Any, path: str) -> None:
         for key, inner in value.items():
             if key in _KINDS:
                 raise ValueError(f"{path}: {key} excludes other keys; remove them")
+            if isinstance(inner, list) and (near := get_close_matches(str(key), _KINDS, 1, 0.7)):
+                kinds = ", ".join(_KINDS)
+                raise ValueError(f"{path}: no draw {key!r}, only {kinds}; did you mean {near[0]}?")
             check_ranges(inner, f"{path}.{key}".strip("."))
     elif isinstance(value, list | tuple):
         for index, inner in enumerate(value):

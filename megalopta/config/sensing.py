@@ -78,7 +78,9 @@ class SensingSettings(RenderingSettings, frozen=True):
         "quarter_moon",
         "starlight",
     )
-    """Levels to sense at, by name or in lux: the rendered light is scaled and keeps its color."""
+    """Levels to sense at, in lux or by name (daylight 1e5 lux, twilight 1, full_moon 0.25,
+    quarter_moon 0.01, starlight 0.001, airglow 0.00082, moonless_forest_floor 0.00031,
+    overcast_night 0.0001): the rendered light is scaled and keeps its color."""
 
     sensors: Annotated[
         tuple[ImageSensor, ...],

@@ -85,11 +85,6 @@ def overridden(
     return changed
 
 
-def to_yaml(record: BaseModel) -> str:
-    """Complete YAML of a model; reading it back gives an equal model."""
-    return strict_yaml.dump(record.model_dump(mode="json"))
-
-
 def put(values: Any, path: str, value: Any, model: type[BaseModel]) -> None:
     """Set a value inside nested mappings and lists.
 

@@ -1,6 +1,7 @@
 """The index of finished sequences, made from their records: tables, splits, Croissant 1.1.
 
-https://docs.mlcommons.org/croissant/docs/croissant-spec-1.1.html; splits link as MPI-Sintel's tree.
+https://docs.mlcommons.org/croissant/docs/croissant-spec-1.1.html; splits link as trees of Sintel
+and KITTI.
 """
 
 import errno
@@ -90,24 +91,16 @@ def croissant(root: Path, plan: Plan, version: str = __version__) -> dict[str, A
     paths = {table: root / "index" / f"{table}.parquet" for table in TABLES}
     tables = [
         {
-            "@type": "cr:FileObject",
-            "@id": path.name,
-            "name": path.name,
-            "contentUrl": f"index/{path.name}",
-            "contentSize": f"{path.stat().st_size} B",
-            "encodingFormat": "application/x-parquet",
-            "sha256": sha256_of(path),
+            **{"@type": "cr:FileObject", "@id": path.name, "name": path.name},
+            **{"contentUrl": f"index/{path.name}", "contentSize": f"{path.stat().st_size} B"},
+            **{"encodingFormat": "application/x-parquet", "sha256": sha256_of(path)},
         }
         for path in paths.values()
     ]
     file_sets = [
         {
-            "@type": "cr:FileSet",
-            "@id": f"{name}-files",
-            "name": f"{name}-files",
-            "description": meaning,
-            "encodingFormat": encoding,
-            "includes": pattern,
+            **{"@type": "cr:FileSet", "@id": f"{name}-files", "name": f"{name}-files"},
+            **{"description": meaning, "encodingFormat": encoding, "includes": pattern},
         }
         for name, (pattern, encoding, meaning) in _DATA["file_sets"].items()
     ]
@@ -188,6 +181,7 @@ def write_index(tree: Tree, plan: Plan) -> None:
                     "or its statistics); remove it and run megalopta dataset make again"
                 )
             key = {"sequence": record.sequence, "index": record.index, "split": record.split}
+            key["path"], key["camera"] = divmod(record.index, plan.cameras_per_path)
             for table, rows in rows_of.items():
                 waiting[table] += [{**key, **row} for row in rows(record)]
             write(_ROWS_AT_ONCE)
@@ -208,15 +202,21 @@ def splits_of(record: SequenceRecord, plan: Plan) -> list[str]:
 
 
 def split_links(root: Path, split: str, record: SequenceRecord) -> dict[Path, Path]:
-    """Return the links of a split to the Sintel folders of a sequence, with their targets."""
+    """Return the links of a split to a sequence, in trees of Sintel and KITTI, with targets."""
+    name, above = record.sequence, Path("../../../../..")
     folders = sorted(folder for folder in record.folders if folder.startswith("training/"))
-    above = Path("../../../../..")
-    return {root / "splits" / split / "Sintel" / folder: above / folder for folder in folders}
+    targets = {f"Sintel/{folder}": folder for folder in folders}
+    pairs = len(record.poses) - 1 if f"training/flow_kitti/{name}" in folders else 0
+    for index in range(pairs):
+        for link, (kind, later) in _DATA["kitti"].items():
+            pair = link.format(f"{name}-{index + 1:04d}")
+            targets[f"KittiFlow/training/{pair}"] = frame_file(kind, name, index + later)
+    return {root / "splits" / split / link: above / target for link, target in targets.items()}
 
 
 def _link(link: Path, target: Path) -> None:
     """Write a link; skipped where links are not supported."""
-    if link.is_symlink():
+    if link.is_symlink() or link.exists():  # exists: a copy whose links were followed
         return
     link.parent.mkdir(parents=True, exist_ok=True)
     try:

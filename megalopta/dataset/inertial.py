@@ -74,10 +74,7 @@ def write_imu(folder: Path, settings: Configuration, imu: Imu) -> None:
         camera_to_imu = np.linalg.inv(imu.mount.matrix) @ (
             path.mount.matrix if path.mount else np.eye(4)
         )
-        of_imu = {
-            "rate_hz": imu.rate_hz,
-            **imu.model_dump(mode="json", exclude={"rate_hz", "mount"}),
-        }
+        of_imu = {"rate_hz": imu.rate_hz} | imu.model_dump(mode="json", exclude={"mount"})
         of_camera = {
             "rate_hz": path.frame_rate_hz,
             "resolution": [camera.width, camera.height],

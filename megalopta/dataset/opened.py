@@ -4,7 +4,7 @@ from bisect import bisect_right
 from collections.abc import Iterator, Sequence as Listed
 from functools import lru_cache
 from importlib.util import find_spec
-from itertools import accumulate
+from itertools import accumulate, groupby
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from megalopta.core.errors import UserError
 from megalopta.core.pictures import read_codes
 from megalopta.dataset.index import read_lists
-from megalopta.dataset.sequence import Sequence
+from megalopta.dataset.sequence import LazyFrames, Sequence
 from megalopta.dataset.store import Tree
 from megalopta.flow.formats import read_flo
 
@@ -26,7 +26,8 @@ class FlowPairs:
 
     A pair is a dictionary: `first` and `second` (C, H, W) float32, readings, or light of all bands;
     `flow` (2, H, W) float32, px, 0 where undefined; `valid` (H, W), True where defined; `occluded`
-    (H, W), bool as `valid`; `sequence`, `frame`. It can be pickled.
+    (H, W), bool as `valid`; `sequence`, `frame`; if all are of stereo pairs, `disparity` (H, W) of
+    the first, float32, px, NaN where unknown. It can be pickled.
     """
 
     def __init__(self, sequences: Listed[Sequence], exposure: str | None, step: int) -> None:
@@ -34,9 +35,19 @@ class FlowPairs:
             raise UserError(f"step {step}: give a whole number, 1 or more")
         for sequence in sequences:
             sequence.dataset.require_truth()
+            if exposure != "radiance":
+                sequence._exposure(exposure)
         self._sequences, self._exposure, self._step = list(sequences), exposure, step
-        counts = (max(len(sequence) - step, 0) for sequence in self._sequences)
-        self._ends = list(accumulate(counts))
+        self._ends = list(accumulate(max(len(sequence) - step, 0) for sequence in sequences))
+        self._has_disparity = all(s.configuration.stereo_with is not None for s in sequences)
+        if not len(self):
+            raise UserError(f"step {step}: no pairs; give a smaller step, or another split")
+
+    def __repr__(self) -> str:
+        """Describe the pairs."""
+        first = self._frames(self._sequences[0])
+        shape = (*(first.shape[3:] or (1,)), *first.shape[1:3])
+        return f"{type(self).__name__}({len(self)} pairs of {shape}, {first.unit})"
 
     def __len__(self) -> int:
         """Return the number of pairs."""
@@ -50,14 +61,14 @@ class FlowPairs:
         sequence = self._sequences[place]
         first = index % len(self) - (self._ends[place - 1] if place else 0)
         second, frame = first + self._step, sequence.dataset.frame
-        is_light = self._exposure == "radiance"
-        frames = sequence.radiance if is_light else sequence.counts(self._exposure)
+        frames = self._frames(sequence)
         if self._step > 1 or sequence.configuration.shutter.readout_s:
             flow, occluded = sequence.flow(first, second), sequence.occlusion(first, second)
         else:  # these small files are read ten times faster than the truth
             flow = read_flo(frame("training/flow", first))
             occluded = read_codes(frame("training/occlusions", first), "L") > 0
         valid = np.asarray(~np.isnan(flow).any(axis=-1))
+        stereo = {"disparity": sequence.disparity[first]} if self._has_disparity else {}
         return {
             "first": _planes(frames[first]),
             "second": _planes(frames[second]),
@@ -66,7 +77,12 @@ class FlowPairs:
             "occluded": occluded,
             "sequence": sequence.name,
             "frame": first,
+            **stereo,
         }
+
+    def _frames(self, sequence: Sequence) -> LazyFrames:
+        is_light = self._exposure == "radiance"
+        return sequence.radiance if is_light else sequence.counts(self._exposure)
 
 
 def _planes(frame: NDArray[Any]) -> NDArray[np.float32]:
@@ -107,7 +123,7 @@ class OpenedDataset:
         return map(self._open, self.names)
 
     def __getitem__(self, key: int | str) -> Sequence:
-        """Return a sequence by number or name. Raises UserError if there is none."""
+        """Return a sequence by number or name. Raises IndexError or, for a name, UserError."""
         if isinstance(key, int):
             if not -len(self) <= key < len(self):
                 raise IndexError(f"sequence {key} of {len(self)}")
@@ -120,6 +136,13 @@ class OpenedDataset:
     def splits(self) -> dict[str, tuple[str, ...]]:
         """Names of the sequences of every split, including "sample". Raises UserError."""
         return read_lists(self.root, self.names) or {"all": self.names}
+
+    @property
+    def paths(self) -> list[tuple[str, ...]]:
+        """Names of the sequences of every path: those of the cameras of a rig, in its order."""
+        cameras = plan.cameras_per_path if (plan := self._tree.plan) else 1
+        paths = groupby(self.names, lambda name: int(name) // cameras if plan else name)
+        return [tuple(names) for _, names in paths]
 
     def of_split(self, split: str) -> list[Sequence]:
         """Return the sequences of a split. Raises UserError if there is none."""
@@ -160,8 +183,7 @@ class OpenedDataset:
             raise UserError("PyTorch is not installed; run: pip install torch")
         from megalopta.dataset.tensors import TensorPairs
 
-        sequences = list(self) if split is None else self.of_split(split)
-        return TensorPairs(sequences, exposure, step)
+        return TensorPairs(list(self) if split is None else self.of_split(split), exposure, step)
 
 
 def open_dataset(root: str | Path) -> OpenedDataset:

@@ -5,7 +5,7 @@ Frames are read, or drawn, on access.
 
 import operator
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any
 
@@ -46,7 +46,7 @@ class LazyFrames:
     """Unit of its values"""
     dimensions: tuple[str, ...]
     """Names of its axes"""
-    read: Callable[[list[int]], NDArray[Any]]
+    read: Callable[[list[int]], NDArray[Any]] = field(repr=False)
     """Maps numbers of frames (n,) to an array (n, …)"""
 
     @property
@@ -175,9 +175,10 @@ class Sequence:
         """Readings of a sensor (T, H, W); by default of the first exposure.
 
         Other quantities are "saturated", and the means "photons", "mean_reading" and
-        "reading_variance" over noise. Raises UserError if there is no such exposure.
+        "reading_variance" over noise. Raises UserError if there is no such exposure or quantity.
         """
-        return self._lazy(self._open(self._exposure(exposure))[quantity], quantity)
+        with refused_as(self.name):
+            return self._lazy(self._open(self._exposure(exposure))[quantity], quantity)
 
     def corrected(self, exposure: str | None = None, quantity: str = "detections") -> LazyFrames:
         """Corrected frames of a SPAD array (T, H, W); by default of the first exposure.
@@ -340,9 +341,7 @@ class Sequence:
 
         self._require_label("albedo")
         place = partial(self.dataset.frame, "training/albedo")
-        return self._by_frame(
-            lambda index: read_radiance(place(index))[0], "1", band=len(self.bands_nm)
-        )
+        return self._by_frame(lambda n: read_radiance(place(n))[0], "1", band=len(self.bands_nm))
 
     @property
     def leaf_clusters(self) -> LazyFrames:
@@ -372,9 +371,7 @@ class Sequence:
             import dask.array as chunked
             import xarray
         except ImportError:
-            raise UserError(
-                "to_xarray needs xarray and dask; run: pip install xarray dask"
-            ) from None
+            raise UserError("for to_xarray run: pip install xarray dask") from None
 
         def flow(index: int) -> Any:
             if index + 1 < len(self):

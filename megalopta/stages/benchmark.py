@@ -81,12 +81,6 @@ def _shape(settings: Configuration) -> tuple[int, int, int]:
     return settings.trajectory.frames, *settings.camera.shape
 
 
-def _check(settings: Configuration) -> None:
-    checked_warm_up(
-        _shape(settings), [METHODS[name] for name in settings.methods], settings.benchmark
-    )
-
-
 STAGE: Stage = Stage(
     name="benchmark",
     command="benchmark photons",
@@ -100,5 +94,7 @@ STAGE: Stage = Stage(
         "model": code_digest("megalopta.flow", "megalopta.sensor.sampling", __name__)
     },
     is_derived=True,
-    check=_check,
+    check=lambda settings: checked_warm_up(
+        _shape(settings), [METHODS[name] for name in settings.methods], settings.benchmark
+    ),
 )

@@ -27,7 +27,7 @@ class Stage:
     """Model of the program (`freshness`), libraries and back ends that its output depends on"""
     is_derived: bool = False
     """True if output of another model is recomputed without request"""
-    check: Callable[[Configuration], None] = lambda _: None
+    check: Callable[[Configuration], object] = lambda _: None
     """Refuses, with ValueError, an unsuitable configuration"""
     rehearse: Callable[[Configuration], object] = lambda _: None
     """The same by more work, before old output is removed"""

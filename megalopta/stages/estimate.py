@@ -11,7 +11,7 @@ from tempfile import TemporaryDirectory
 import numpy as np
 from numpy.typing import NDArray
 
-from megalopta.config.drawing import configuration_of
+from megalopta.config.drawing import configuration_of, split_warnings
 from megalopta.config.model import Configuration
 from megalopta.config.recipe import Plan
 from megalopta.core import files
@@ -36,6 +36,8 @@ def estimate_plan(
     with its share of the cores.
     """
     dr.set_thread_count(threads_of(workers))
+    for warning in split_warnings(plan):
+        say(warning)
     indices = list(only) if only is not None else range(plan.sequences)
     drawn = [configuration_of(plan, n) for n in indices[:: max(1, len(indices) // 200)]]
     share = len(indices) / len(drawn)
@@ -43,7 +45,8 @@ def estimate_plan(
     seconds, bytes_ = cost_of(drawn, plan)
     text = f"about {size(share * bytes_)}, about {duration(share * seconds / workers)}"
     more = f" with {workers} workers" if workers > 1 else ""
-    return f"{root}: {len(indices)} sequences, {frames} frames, {text}{more}"
+    many = "s" * (len(indices) != 1)
+    return f"{root}: {len(indices)} sequence{many}, {frames} frames, {text}{more}"
 
 
 def cost_of(drawn: Sequence[Configuration], plan: Plan) -> tuple[float, float]:

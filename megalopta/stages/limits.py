@@ -63,12 +63,10 @@ def needed_bytes(settings: Configuration, stage: str) -> tuple[float, float]:
     elif stage == "sense":
         memory = held * (120 + 8 * settings.sub_frames)
         disk = exposures * ((22 if settings.expectation else 3) + 7 * settings.correct)
-        if "burst_npy" in settings.products:
-            disk += exposures * burst_frames(settings) / 8
-        if "sums_npy" in settings.products:
-            disk += exposures * 2 * burst_frames(settings) / settings.cubes.sum_frames
-        if "color_npy" in settings.products:
-            disk += exposures * 12
+        bits = burst_frames(settings)
+        of_product = {"burst_npy": bits / 8, "sums_npy": 2 * bits / settings.cubes.sum_frames}
+        of_product["color_npy"] = 12.0
+        disk += exposures * sum(of_product.get(name, 0.0) for name in settings.products)
         if "histograms_npy" in settings.products:
             bins = [sensor.tcspc.bins for sensor in settings.sensors if isinstance(sensor, Sensor)]
             disk += 4 * len(settings.light_levels) * sum(bins)

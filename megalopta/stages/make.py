@@ -61,9 +61,8 @@ def make(
         for stage in MADE:
             check_stage(stage, configuration, tree.root)
     plan_of_all = _whole_plan(tree, plan)
-    filled = {drawing.split_of(plan, index) for index in range(min(plan.sequences, 10_000))}
-    for name in (name for name, share in plan.splits.items() if share and name not in filled):
-        say(f"splits: {name} is empty, by chance; more sequences or another seed fill it")
+    for warning in drawing.split_warnings(plan):
+        say(warning)
     with locked(tree.root):
         tree.sweep()
         tree.write_header(plan=plan_of_all.model_dump(mode="json"))
@@ -72,6 +71,8 @@ def make(
         }
         indices = range(plan.sequences) if only is None else only
         todo = [index for index in indices if drawing.sequence_name(index) not in finished]
+        if finished:
+            say(f"{root}: sequences kept: {len(finished)}, to make: {len(todo)}")
         if todo:
             _check_same_machinery(tree)
         try:
@@ -86,13 +87,10 @@ def parse_indices(text: str, sequences: int) -> list[int]:
     indices: set[int] = set()
     for part in text.split(","):
         match = re.fullmatch(r"(\d+)(?:-(\d+))?", part.strip())
-        if not match:
-            raise UserError(f"--only {text}: {part!r}; give numbers such as 731 or 0-9,20")
-        first, last = int(match[1]), int(match[2] or match[1])
+        first, last = (int(match[1]), int(match[2] or match[1])) if match else (1, 0)
         if not first <= last < sequences:
-            raise UserError(
-                f"--only {text}: the plan has sequences 0 to {sequences - 1}; give some of them"
-            )
+            remedy = f"give some of 0 to {sequences - 1}, such as 731 or 0-9,20"
+            raise UserError(f"--only {text}: {part!r}; {remedy}")
         indices.update(range(first, last + 1))
     return sorted(indices)
 
@@ -118,7 +116,8 @@ def _run(
         first = min(failures)
         raise UserError(
             f"{len(failures)} of {len(indices)} sequences failed, such as "
-            f"{drawing.sequence_name(first)}: {failures[first]}; the same command tries them again"
+            f"{drawing.sequence_name(first)}: {failures[first]}; once the cause is gone, the same "
+            "command makes them"
         )
 
 
@@ -135,9 +134,11 @@ def _whole_plan(tree: Tree, plan: Plan) -> Plan:
             f"{root} was made from another plan ({changes}); choose another folder "
             "(only the number of sequences may grow)"
         )
+    fields = [field for stage in MADE for field in STAGES[stage].fields]  # not those of `flow`
     for record in map(tree.record, _some(tree)):
         drawn = drawing.configuration_of(plan, record.index).model_dump(mode="json")
-        if changes := differences_text(record.configuration, drawn):
+        pair = ({key: of.get(key) for key in fields} for of in (record.configuration, drawn))
+        if changes := differences_text(*pair):
             raise UserError(
                 f"{root}: this plan or version of the program gives another sequence "
                 f"{record.sequence} ({changes}); choose another folder"

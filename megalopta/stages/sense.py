@@ -279,6 +279,11 @@ def _check(settings: Configuration) -> None:
     for sensor in settings.sensors:
         try:
             check_sensor(sensor, settings.render.bands_nm, shape)
+            if settings.correct and getattr(sensor, "largest", None) == 1:
+                raise ValueError(
+                    "correct: one event saturates its counter; use `correct: false`, in a plan "
+                    "`every: {correct: false}`"
+                )
             for product in settings.products:
                 products.check_product(product, sensor, shape)
             if starts_at_camera(sensor) and not settings.scene.has_truth:

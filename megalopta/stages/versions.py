@@ -2,24 +2,15 @@
 
 import os
 import platform
+from contextlib import suppress
 from importlib.metadata import PackageNotFoundError, version
 
 from megalopta import __version__
 from megalopta.render import CUDA_NOTE, choose_variant, has_cuda_device, llvm_in_use
 
 PACKAGES = (
-    "mitsuba",
-    "drjit",
-    "OpenEXR",
-    "numpy",
-    "scipy",
-    "numba",
-    "opencv-contrib-python-headless",
-    "scikit-image",
-    "trimesh",
-    "zarr",
-    "pydantic",
-    "matplotlib",
+    *("mitsuba", "drjit", "OpenEXR", "numpy", "scipy", "numba", "opencv-contrib-python-headless"),
+    *("scikit-image", "trimesh", "zarr", "pydantic", "matplotlib"),
 )
 _MISSING = "not installed"
 _WIDTH = max(map(len, PACKAGES)) + 2
@@ -32,10 +23,9 @@ def versions() -> dict[str, str]:
 
 
 def _version(package: str) -> str:
-    try:
+    with suppress(PackageNotFoundError):
         return version(package)
-    except PackageNotFoundError:
-        return _MISSING
+    return _MISSING
 
 
 def describe() -> str:

@@ -144,7 +144,7 @@ def _plan_faults(tree: Tree, plan: Plan, names: list[str]) -> Faults:
             for split in index.splits_of(record, plan):
                 members_of.setdefault(split, []).append(name)
                 links = index.split_links(root, split, record)
-                if missing_link := next((link for link in links if not link.is_symlink()), None):
+                if missing_link := next((link for link in links if not link.exists()), None):
                     yield FileFault(missing_link, "is missing", again)
     for split, members in members_of.items():
         if list(lists.get(split, [])) != members:

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable, Mapping
 from pathlib import PurePath
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 from pydantic import BeforeValidator, Field, model_validator
@@ -36,12 +36,8 @@ class SceneFile(PlacedMesh, frozen=True):
         return self
 
 
-def _by_path(given: Any) -> Any:
-    return {"file": given} if isinstance(given, str | PurePath) else given
-
-
-def _as_list(given: Any) -> Any:
-    return [given] if isinstance(given, str | PurePath | Mapping) else given
+_by_path = BeforeValidator(lambda it: {"file": it} if isinstance(it, str | PurePath) else it)
+_as_list = BeforeValidator(lambda it: [it] if isinstance(it, str | PurePath | Mapping) else it)
 
 
 class Meshes(SceneDescription, frozen=True):
@@ -53,9 +49,7 @@ class Meshes(SceneDescription, frozen=True):
     max_depth: ClassVar[int] = 64  # a closed white room of albedo 0.8 lacks 3 % of its light at 16
 
     files: Annotated[
-        tuple[Annotated[SceneFile, BeforeValidator(_by_path)], ...],
-        BeforeValidator(_as_list),
-        Field(min_length=1, max_length=1000),
+        tuple[Annotated[SceneFile, _by_path], ...], _as_list, Field(min_length=1, max_length=1000)
     ]
     """Mesh files: paths, or mappings with `file` and its scale, axes and place."""
 

@@ -46,7 +46,9 @@ class Surfacing:
         """Name of a piece's material, and its mesh."""
         name, paint, reflectance = piece.material, piece.paint, self.given.get(piece.material)
         material = paint.material if reflectance is None else material_of(reflectance)
-        kind = material and _kind(material)
+        kind: object = material  # by which materials of one name are the same
+        if material:
+            kind = id(material) if material.texture or material.finish else material.reflectance
         if paint.radiance:
             name, kind = f"{name}, lamp", (paint.radiance, kind)
             material = _lamp(paint.radiance, material)
@@ -75,11 +77,6 @@ class Surfacing:
         name = f"{self.label}: {name}{'' if piece.normals is None else ', smooth'}"
         self.materials.setdefault(name, material)
         return name, Surface(piece.vertices, piece.faces, uv, piece.normals)
-
-
-def _kind(material: Material) -> object:
-    """Key by which materials of one name are the same."""
-    return id(material) if material.texture or material.finish else material.reflectance
 
 
 def _lamp(radiance: Spectrum, surface: Material | None) -> Material:

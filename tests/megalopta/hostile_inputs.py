@@ -28,7 +28,6 @@ from PIL import Image
 from megalopta.camera.recording import Recorder
 from megalopta.config.model import load
 from megalopta.config.recipe import Plan
-from megalopta.config.yaml_model import to_yaml
 from megalopta.flow.formats import write_flo, write_flo5, write_kitti_png
 from megalopta.sensor import expose_events, preset
 from megalopta.sensor.formats.events import EventOrigin, write_events_hdf5
@@ -273,7 +272,7 @@ def write_texts(here):
     (here / "curve.csv").write_text("wavelength_nm,efficiency\n" + curve)
     (here / "reflectance.csv").write_text(curve)
     np.save(here / "map.npy", np.ones((12, 16)))
-    small = yaml.safe_load(to_yaml(load("grating")))
+    small = load("grating").model_dump(mode="json")
     small["camera"] = {"width": 16, "height": 12}
     small["trajectory"]["frames"] = 2
     small["render"] = {"samples_per_pixel": 1, "max_depth": 2, "integrator": "path",

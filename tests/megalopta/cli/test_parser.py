@@ -1,6 +1,6 @@
 import pytest
 
-from megalopta.cli.main import program, split_overrides
+from megalopta.cli.main import joined, program, split_overrides
 from megalopta.cli.settings import VerbSettings, description
 from megalopta.core.errors import UserError
 
@@ -27,6 +27,18 @@ DEMO = VerbSettings().takes
 )  # fmt: skip
 def test_settings_take_their_words_and_leave_the_rest(words, own, settings):
     assert split_overrides(words.split(), OWN, DEMO) == (own.split(), settings)
+
+
+def test_values_of_a_list_are_joined_by_commas_or_blanks(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "data").mkdir()
+    words = "--photons 1 3,10 data --methods BM DIS √ --draws 2 more".split()
+    lists = {"--photons", "--methods"}
+    expected = "--photons 1,3,10 data --methods BM,DIS,√ --draws 2 more".split()
+    assert joined(words, lists) == expected
+    for typed in ("--methods BM,DIS PF", "--methods BM DIS PF", "--methods BM,DIS,PF"):
+        (text,) = split_overrides(typed.split(), OWN, DEMO)[1].values()
+        assert text.replace(", ", ",") == "[BM,DIS,PF]"
 
 
 @pytest.mark.parametrize(

@@ -1,8 +1,11 @@
 """How the entries of a plan are dealt out to its sequences."""
 
+from itertools import product
+
 import pytest
 
-from megalopta.config.drawing import configuration_of
+from megalopta.config.drawing import configuration_of, split_of, split_warnings
+from megalopta.config.model import load
 from megalopta.config.recipe import Plan
 from megalopta.scenes.levels import LEVELS
 
@@ -33,3 +36,22 @@ def test_a_longer_plan_begins_with_the_same_sequences():
     assert [configuration_of(short, i) for i in range(3)] == [
         configuration_of(long, i) for i in range(3)
     ]
+
+
+def test_exposures_are_the_plans_and_not_a_presets():
+    assert load("demo").correct
+    assert not configuration_of(Plan(), 0).correct
+    assert configuration_of(Plan(every={"correct": True}), 0).correct
+
+
+def test_paths_that_differ_in_noise_only_are_named_if_splits_share_them():
+    turn = {"rotation_deg_s": {"uniform": [5, 30]}}
+    for rig, drawn in product(((), ({}, {"position_m": [0.1, 0, 0]})), (True, False)):
+        scene = {"preset": "grating", "trajectory": turn if drawn else {}}
+        splits = {"train": 0.5, "test": 0.5}
+        plan = Plan(sequences=16, scenes=(scene,), splits=splits, sample=0, rig=rig)
+        assert {split_of(plan, index) for index in range(16)} == {"train", "test"}
+        warnings = list(split_warnings(plan))
+        assert warnings == [] if drawn else "are equal but for noise" in warnings[0]
+    (warning,) = split_warnings(Plan(sequences=1, splits={"a": 1, "b": 1}))
+    assert "no sequence in a;" in warning or "no sequence in b;" in warning

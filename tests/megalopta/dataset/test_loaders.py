@@ -4,6 +4,7 @@
 """
 
 import json
+import shutil
 from itertools import pairwise
 
 import cv2
@@ -11,6 +12,8 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
+from megalopta.dataset.index import write_index
+from megalopta.dataset.store import Tree
 from megalopta.flow.formats import read_flo
 
 PAIRS = 2  # of each sequence of three frames
@@ -53,6 +56,49 @@ def test_every_split_is_a_tree_of_its_own(small_dataset):
         _, flows = raft_lists(small_dataset / "splits" / split / "Sintel")
         assert len(flows) == PAIRS * len(names)
     assert names == ["000000", "000001"]
+
+
+def kitti_lists(root):
+    """First and second pictures and flow files, found as KITTI's loaders find them."""
+    patterns = ("image_2/*_10.png", "image_2/*_11.png", "flow_occ/*_10.png")
+    return [sorted((root / "training").glob(pattern)) for pattern in patterns]
+
+
+@pytest.mark.parametrize("is_linked", [True, False], ids=["moved", "copied without links"])
+def test_listing_as_kitti_does_pairs_pictures_with_flow(small_dataset, tmp_path, is_linked):
+    root = shutil.copytree(small_dataset, tmp_path / "elsewhere/moved", symlinks=is_linked)
+    names = (root / "splits/sample.txt").read_text().split()
+    lists = kitti_lists(root / "splits/sample/KittiFlow")
+    pairs = [(name, index) for name in names for index in range(PAIRS)]
+    for (name, index), *files in zip(pairs, *lists, strict=True):
+        for path, frame in zip(files[:2], (index + 1, index + 2), strict=True):
+            final = root / f"training/final/{name}/frame_{frame:04d}.png"
+            assert path.read_bytes() == final.read_bytes()
+            assert path.resolve().is_relative_to(root)
+        blue, green, red = np.moveaxis(cv2.imread(str(files[2]), cv2.IMREAD_UNCHANGED), -1, 0)
+        decoded = np.stack([red, green], axis=-1).astype(float) / 64 - 512  # px
+        exact = read_flo(root / f"training/flow/{name}/frame_{index + 1:04d}.flo")
+        np.testing.assert_array_equal(blue, np.isfinite(exact).all(axis=-1))
+        assert np.abs(decoded - exact)[blue == 1].max() <= 1 / 128 + 1e-6
+    write_index(Tree(root), Tree(root).plan)
+    assert len(kitti_lists(root / "splits/sample/KittiFlow")[0]) == len(pairs)
+
+
+@pytest.mark.filterwarnings("ignore")
+def test_kitti_loaders_of_torchvision_and_ptlflow_read_it(small_dataset, truth):
+    of_torchvision = pytest.importorskip("torchvision.datasets")
+    of_ptlflow = pytest.importorskip("ptlflow.data.datasets")
+    *pictures, flow, valid = of_torchvision.KittiFlow(small_dataset / "splits/sample")[0]
+    assert [picture.size for picture in pictures] == [(32, 24)] * 2
+    known = np.asarray(valid, bool)
+    assert known.mean() > 0.9
+    in_steps = np.rint(truth[0] * 64) / 64
+    np.testing.assert_array_equal(np.moveaxis(flow, 0, -1)[known], in_steps[known])
+    folder = str(small_dataset / "splits/sample/KittiFlow")
+    pairs = of_ptlflow.KittiDataset(root_dir_2015=folder, split="trainval")
+    assert len(pairs) == 2 * PAIRS
+    found = np.asarray(pairs[0]["flows"][0]).squeeze()
+    np.testing.assert_array_equal(found[known], in_steps[known])
 
 
 @pytest.mark.filterwarnings("ignore")

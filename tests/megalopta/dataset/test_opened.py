@@ -45,6 +45,9 @@ def test_arrays_are_lazy_and_have_units(opened):
         sequence.radiance[3]
     with pytest.raises(UserError, match="no exposure 'eye'; there are spadcam"):
         sequence.counts("eye")
+    with pytest.raises(UserError, match="holds no photon; give one of counts, saturated, photons"):
+        sequence.counts(quantity="photon")
+    assert repr(sequence.depth).startswith("LazyFrames(shape=(3, 24, 32), dtype=dtype('float32')")
 
 
 def test_flow_between_neighbors_is_the_stored_one(opened):
@@ -110,8 +113,22 @@ def test_pairs_of_all_sequences(opened):
     light = opened.pairs(exposure="radiance", step=2)
     assert len(light) == 3
     assert light[0]["first"].shape == (2, 24, 32)
+    assert repr(light).startswith("FlowPairs(3 pairs of (2, 24, 32), W")
     with pytest.raises(IndexError):
         pairs[6]
+    with pytest.raises(UserError, match="step 3: no pairs"):
+        opened.pairs(step=3)
+    with pytest.raises(UserError, match="no exposure 'eye'; there are spadcam"):
+        opened.pairs(exposure="eye")
+
+
+def test_a_folder_without_a_dataset_is_told_so_whatever_its_links(tmp_path):
+    (tmp_path / "python").symlink_to("/usr")
+    with pytest.raises(UserError, match="no dataset here"):
+        megalopta.open_dataset(tmp_path)
+    (tmp_path / "dataset.yaml").write_text("{}")
+    with pytest.raises(UserError, match="a link that leads out"):
+        megalopta.open_dataset(tmp_path)
 
 
 def test_a_torch_loader_gives_batches(opened):

@@ -209,7 +209,6 @@ def test_size_rate_and_number_of_frames_are_changed_and_told(here, capsys):
         (["clip.npy", "--unit", "srgb", "--photons", "2", "--spectrum", "pink"], "spectrum"),
         (["whole", "--photons", "2"], "--photons: for pictures"),
         (["clip.npy", "--unit", "srgb", "--lux", "1", "--light-levels", "2"], "--lux and --light-levels"),
-        (["clip.npy", "--unit", "srgb", "--photons", "1", "2"], "join them by commas"),
         (["clip.npy", "--unit", "srgb", "--photons", "1", "--products", "counts", "burst_npy", "--burst-hz", "90"], "burst_hz 90"),
         (["folder", "--photons", "2", "--sensors", "{preset: ideal, exposure_s: 0.01, tcspc: {bins: 9, from_camera: true}}"], "no depth"),
     ],

@@ -18,7 +18,6 @@ import pytest
 import yaml
 
 from megalopta.config.model import load
-from megalopta.config.yaml_model import to_yaml
 from megalopta.dataset.store import Tree
 from megalopta.stages.run import run_all
 from megalopta.verification.files import check_files
@@ -153,7 +152,9 @@ def finished(tmp_path_factory):
 )
 def test_a_stage_killed_at_random_moments(finished, tmp_path, verb, redo):
     begun, start = copied(finished.root, tmp_path / "begun"), tmp_path / "start.yaml"
-    start.write_text(to_yaml(finished.configuration))  # a dataset's folder is one, too
+    start.write_text(
+        yaml.safe_dump(finished.configuration.model_dump(mode="json"))
+    )  # a dataset's folder is one, too
     if not redo:
         without(begun, verb.split()[0])
 

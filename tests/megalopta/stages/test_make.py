@@ -94,6 +94,8 @@ def test_mistakes_are_told_before_anything_is_made(small_plan, tmp_path, refused
         ({"every": {"camera": {"widht": 5}}}, "did you mean 'width'"),
         ({"lights": ["moon"]}, "light.level"),
         ({"splits": {"a b": 1}}, "cannot name a split"),
+        ({"lights": [{"illuminance_lux": {"uniforn": [1, 2]}}]}, "did you mean uniform"),
+        ({"sensors": ["swissspad2"], "every": {"correct": True}}, "`every: {correct: false}`"),
     ):
         plan = written(tmp_path, small_plan, change)
         said = refused("dataset", "make", plan, "--out", tmp_path / "data")
@@ -188,6 +190,15 @@ def test_a_measurement_is_kept_refused_redone_and_mended(small_copy):
     path.write_text(path.read_text("utf-8").replace("BM", "MB"), "utf-8")
     measure(small_copy, "flow", METHODS)
     assert flows(small_copy) == before
+    assert not check_files(Tree(small_copy))
+
+
+@pytest.mark.slow
+def test_a_plan_goes_on_after_flow_by_methods_that_it_does_not_state(small_copy, small_plan):
+    measure(small_copy, "flow", {"methods": "[DIS]"})
+    (small_copy / "splits/sample/KittiFlow/training/image_2/000000-0001_10.png").unlink()
+    assert len(check_files(Tree(small_copy))) == 1
+    make(small_copy, small_plan)
     assert not check_files(Tree(small_copy))
 
 

@@ -2,6 +2,7 @@
 
 import cv2
 import numpy as np
+import pyarrow.parquet as pq
 import pytest
 import trimesh
 import yaml
@@ -11,6 +12,7 @@ import megalopta
 from megalopta.config.model import parse
 from megalopta.config.recipe import Plan
 from megalopta.core.errors import UserError
+from megalopta.dataset.opened import FlowPairs
 from megalopta.render import read_truth
 from megalopta.stages.make import make
 from megalopta.stages.render import build
@@ -50,6 +52,15 @@ def rig(tmp_path_factory):
     folder = tmp_path_factory.mktemp("rig")
     make(folder / "data", plan_of(folder), only=[0, 1, 2])
     return megalopta.open_dataset(folder / "data")
+
+
+def test_cameras_of_a_path_are_found(rig):
+    assert rig.paths == [("000000", "000001", "000002")]
+    table = pq.read_table(rig.root / "index/sequences.parquet")
+    assert [table[name].to_pylist() for name in ("path", "camera")] == [[0, 0, 0], [0, 1, 2]]
+    assert "disparity" not in rig.pairs()[0]  # the third camera has none
+    pair = FlowPairs([rig[0], rig[1]], None, 1)[0]
+    np.testing.assert_array_equal(pair["disparity"], rig[0].disparity[0])
 
 
 def test_disparity_is_focal_length_times_baseline_over_depth(rig):
