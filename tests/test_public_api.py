@@ -79,7 +79,7 @@ def test_pages_and_examples_import_public_names():
     public = listing().keys() | {f"megalopta{library}" for library in LIBRARIES}
     public |= {name.rpartition(".")[0] for name in BESIDE}
     pages = [*ROOT.glob("*.md"), *ROOT.glob("docs/**/*.md"), *ROOT.glob("docs/**/*.ipynb")]
-    pages += [*ROOT.glob("docs/gallery/*.py"), *ROOT.glob("examples/*.py")]
+    pages += [*ROOT.glob("docs/gallery/**/*.py"), *ROOT.glob("examples/*.py")]
     private = {
         f"{path.name}: {node.module}.{alias.name}"
         for path in pages

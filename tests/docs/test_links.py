@@ -16,7 +16,8 @@ LINK = re.compile(
 )
 ROLE = re.compile(r"\{py:\w+\}`~?([\w.]+)`")
 CODE = re.compile(r"`((?:sensor|flow|render|scenes|tests|megalopta)/(?!\S*NAME)[\w/]+\.py)`")
-SCRIPT = re.compile(r"(?:sphx_glr_)?(plot_\w+?)(?:_\d{3}\.png)?$")
+SCRIPT = re.compile(r"(?:sphx_glr_)?((?:plot|fig|table|times)_\w+?)(?:_\d{3}\.png)?$")
+SCRIPTS = {p.stem for p in (*DOCS.glob("gallery/**/*.py"), *DOCS.glob("../examples/*/*.py"))}
 MADE = {
     f"generated/{page}"
     for page in ("configuration", "gallery/index", "dissertation/index", "reference/index")
@@ -43,7 +44,7 @@ def holds(page, link):
     if "generated" in target.parts:
         made = str(target.relative_to(DOCS)).removesuffix(".rst").removesuffix(".html")
         script = SCRIPT.search(target.name)
-        return made in MADE or bool(script and (DOCS / f"gallery/{script[1]}.py").exists())
+        return made in MADE or bool(script and script[1] in SCRIPTS)
     return target.exists() and (not anchor or anchor in anchors(target))
 
 
