@@ -10,7 +10,6 @@ from argparse import Namespace
 from collections.abc import Callable, Collection, Iterator, Sequence
 from difflib import get_close_matches
 from io import TextIOWrapper
-from pathlib import Path
 from typing import NoReturn
 
 from megalopta import __version__
@@ -127,7 +126,7 @@ def joined(words: Sequence[str], lists: Collection[str]) -> list[str]:
     """Join by commas what follows an option of a list, up to an option or a path that exists."""
     kept, is_list = list[str](), False  # whether the last is of a list
     for word in words:
-        is_path = Path(word).exists() and not word.endswith(".onnx")
+        is_path = os.path.exists(word) and not word.endswith(".onnx")  # noqa: PTH110 # of any length
         if is_list and not word.startswith("-") and not is_path:
             kept[-1] += f",{word}"
         else:
