@@ -274,9 +274,10 @@ def endpoint_errors(
 def _by_group(errors: Sequence[Floats], truth: BlockTruth, segments: int) -> Rows:
     """Yield metric, group, segment, total and blocks of errors (pairs, rows, columns) of draws.
 
-    An error of NaN, without a velocity, becomes that of zero motion.
+    An error that is not finite, without a velocity, becomes that of zero motion.
     """
-    speed, missing = np.linalg.norm(truth.velocities, axis=-1), list(map(np.isnan, errors))
+    speed = np.linalg.norm(truth.velocities, axis=-1)
+    missing = [~np.isfinite(error) for error in errors]
     errors = [np.where(none, speed, error) for none, error in zip(missing, errors, strict=True)]
     for group, inside in truth.groups.items():
         totals = np.sum([np.where(inside, error, 0).sum(axis=(1, 2)) for error in errors], axis=0)

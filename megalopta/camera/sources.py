@@ -291,10 +291,7 @@ def read_recorded(source: Source) -> RecordingFrames:
         if stored.counts.ndim != 3:
             raise ValueError(f"{source.path}: {stored.counts.ndim} dimensions; give gray frames")
         if source.sums and (stored.values == "bits" or is_recording(source.path)):
-            frames = "bits" if stored.values == "bits" else "SPADCAM's"
-            raise ValueError(
-                f"{source.path}: sums: {source.sums}, but frames are {frames}; omit it"
-            )
+            raise ValueError(f"{source.path}: sums: are of counts, not of bits or codes; omit it")
         exposure_s = (source.exposure_s or stored.exposure_s or 0.0) * (source.sums or 1)
         times_s = exposure_s * np.arange(len(stored.counts), dtype=np.float64)
         if is_recording(source.path):

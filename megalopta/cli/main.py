@@ -142,9 +142,9 @@ def split_overrides(
 
     A setting of one value takes one word, a list all words up to the next option, a switch only
     "true" or "false", so that `render --scene.trees 200 my.yaml` renders my.yaml. Words of a list
-    may be joined by commas. Any "--path" that
-    is no option starts a setting; `takes` returns how many words it takes. Raises UserError for a
-    mistyped option, a setting without a value, or a duplicate setting.
+    may be joined by commas. Any "--path" that is no option starts a setting; `takes` returns how
+    many words it takes. Raises UserError for a mistyped option, a setting without a value, or a
+    duplicate setting.
     """
     kept: list[str] = []
     settings: dict[str, list[str]] = {}

@@ -91,19 +91,19 @@ def croissant(root: Path, plan: Plan, version: str = __version__) -> dict[str, A
     paths = {table: root / "index" / f"{table}.parquet" for table in TABLES}
     tables = [
         {
-            **{"@type": "cr:FileObject", "@id": path.name, "name": path.name},
-            **{"contentUrl": f"index/{path.name}", "contentSize": f"{path.stat().st_size} B"},
-            **{"encodingFormat": "application/x-parquet", "sha256": sha256_of(path)},
+            "@type": "cr:FileObject", "@id": path.name, "name": path.name,
+            "contentUrl": f"index/{path.name}", "contentSize": f"{path.stat().st_size} B",
+            "encodingFormat": "application/x-parquet", "sha256": sha256_of(path),
         }
         for path in paths.values()
-    ]
+    ]  # fmt: skip
     file_sets = [
         {
-            **{"@type": "cr:FileSet", "@id": f"{name}-files", "name": f"{name}-files"},
-            **{"description": meaning, "encodingFormat": encoding, "includes": pattern},
+            "@type": "cr:FileSet", "@id": f"{name}-files", "name": f"{name}-files",
+            "description": meaning, "encodingFormat": encoding, "includes": pattern,
         }
         for name, (pattern, encoding, meaning) in _DATA["file_sets"].items()
-    ]
+    ]  # fmt: skip
     record_sets = []
     for table, columns in _DATA["tables"].items():
         fields = [

@@ -9,9 +9,9 @@ from megalopta import __version__
 from megalopta.render import CUDA_NOTE, choose_variant, has_cuda_device, llvm_in_use
 
 PACKAGES = (
-    *("mitsuba", "drjit", "OpenEXR", "numpy", "scipy", "numba", "opencv-contrib-python-headless"),
-    *("scikit-image", "trimesh", "zarr", "pydantic", "matplotlib"),
-)
+    "mitsuba", "drjit", "OpenEXR", "numpy", "scipy", "numba", "opencv-contrib-python-headless",
+    "scikit-image", "trimesh", "zarr", "pydantic", "matplotlib",
+)  # fmt: skip
 _MISSING = "not installed"
 _WIDTH = max(map(len, PACKAGES)) + 2
 
