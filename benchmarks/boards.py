@@ -109,7 +109,7 @@ def main(path: str, *disturbances: str) -> None:
     chosen = list(map(disturbance, disturbances))
     board = frame_errors(list(clips()), METHODS, PHOTONS_PER_PX, disturbances=chosen)
     write_board(Path(path), board)
-    errors = board.by_scene
+    errors = board.by_draw
     print_sets(errors[errors["group"] == UNDISTURBED])
     print_disturbed(errors)
 

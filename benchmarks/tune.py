@@ -88,7 +88,7 @@ def main(name: str) -> None:
     def error(photons: float, stretch: str, blur_px: float, value: object) -> float:
         settings = {parameter: value, "stretch": stretch, "blur_px": blur_px}
         board = frame_errors(clips, [METHODS[name].model_copy(update=settings)], (photons,))
-        return float(np.exp(np.log(board.by_scene[MEAN]).mean()))
+        return float(np.exp(np.log(board.by_draw[MEAN]).mean()))
 
     noise, value, found = ("anscombe", 3.0), getattr(METHODS[name], parameter), {}
     for photons in sorted(PHOTONS_PER_PX, reverse=True):

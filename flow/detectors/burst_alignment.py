@@ -18,9 +18,6 @@ from megalopta.flow.detectors.blocks import BlockGrid, PooledFrames, block_sums
 from megalopta.flow.detectors.poisson_matching import parabola_minimum
 from megalopta.flow.likelihood.roots import halved
 
-_SUMS = 4
-_LEVELS = 4
-"""Levels of the pyramid, each binned by 2 × 2 px more; fewer if a block does not fit"""
 _COARSEST_RADIUS_PX, _FINER_RADIUS_PX = 4, 2
 """Largest shift searched at the coarsest level (its px), and largest change of it at finer ones"""
 _DOWN, _RIGHT = np.array([[0, -1, 1, 0, 0], [0, 0, 0, -1, 1]])
@@ -37,7 +34,7 @@ class BurstAlignment(PooledFrames, frozen=True):
 
     def velocities(self, grid: BlockGrid, window: list[Frames]) -> Floats:
         """Return the slopes of the shifts over time, (blocks, 2)."""
-        summed = max(1, len(window) // _SUMS)
+        summed = max(1, len(window) // 4)  # frames per sum, for about 4 sums
         count = len(window) // summed
         groups = np.reshape(window[-summed * count :], (count, summed, *grid.shape))
         sums = groups.sum(axis=1, dtype=np.float64)
@@ -54,8 +51,8 @@ class BurstAlignment(PooledFrames, frozen=True):
     def _shifts(self, reference: Floats, frame: Floats, grid: BlockGrid) -> Floats:
         """Return the displacement of each block's content in another frame, (blocks, 2)."""
         pyramid = [np.stack((reference, frame))]
-        # each binned by 2 × 2 px more, as long as a block fits
-        while len(pyramid) < _LEVELS and min(pyramid[-1].shape[1:]) // 2 >= grid.block_px:
+        # at most 4 levels, each binned by 2 × 2 px more, as long as a block fits
+        while len(pyramid) < 4 and min(pyramid[-1].shape[1:]) // 2 >= grid.block_px:
             pyramid.append(halved(pyramid[-1]))
         shifts = np.zeros((grid.rows, grid.columns, 2), np.int64)
         down, right = np.mgrid[: grid.rows, : grid.columns][..., np.newaxis]

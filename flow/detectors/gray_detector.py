@@ -9,6 +9,8 @@ pixel holds more than (span/255)²/12 photons.
 Photon noise grows with the light. With `stretch`, the counts n are first transformed to
 2·√(n + 3/8), whose noise is the same in the dark and in the light (Anscombe 1948).
 
+A method with `takes_counts` gets the counts themselves, or their transform, without that map.
+
 A pair without contrast has no velocity (NaN). Velocities belong to the first frame of a pair.
 """
 
@@ -47,13 +49,17 @@ class GrayDetector(BlockDetector, frozen=True):
 
     def velocities(self, grid: BlockGrid, window: list[Frames]) -> Floats:
         """Return the velocities of a pair of frames, NaN without contrast."""
-        pair = gray_levels(self._stretched(np.stack(window)))
+        pair = self._levels(np.stack(window))
         if pair is None:
             return np.full((grid.rows, grid.columns, 2), np.nan)
         return self._estimate(grid, pair)
 
+    def _levels(self, pair: Frames) -> Floats | None:
+        """Return gray levels of a pair of frames, or counts; None without contrast."""
+        stretched = self._stretched(pair)
+        return stretched.astype(np.float64) if self.takes_counts else gray_levels(stretched)
+
     def _stretched(self, pair: Frames) -> Frames:
-        """Return a pair of frames, transformed before the map to gray levels."""
         if self.stretch != "none":
             pair = 2 * np.sqrt((pair + 3 / 8).clip(0))
         if self.stretch == "denoised":
@@ -103,7 +109,7 @@ class DenseDetector(GrayDetector, frozen=True):
         """Return the flow (H, W, 2) from one frame to the next, NaN without contrast."""
         sequence = self.as_counts(self.checked(frames))
         grid = block_grid((sequence.shape[1], sequence.shape[2]), self.block_px, 1)
-        pair = gray_levels(self._stretched(sequence))
+        pair = self._levels(sequence)
         return np.full((*grid.shape, 2), np.nan) if pair is None else self._checked(grid, pair)
 
     def _estimate(self, grid: BlockGrid, pair: Floats) -> Floats:
@@ -139,7 +145,7 @@ class FunctionDetector(DenseDetector, frozen=True):
     """The flow of a function, averaged over blocks."""
 
     function: DenseFlow
-    """Maps two frames (H, W), gray levels from 0 to 1, to their flow (H, W, 2)"""
+    """Maps two frames (H, W), gray levels from 0 to 1 or counts, to their flow (H, W, 2)"""
 
     @field_serializer("function")
     def _identity(self, function: DenseFlow) -> str:
@@ -150,27 +156,40 @@ class FunctionDetector(DenseDetector, frozen=True):
         except (OSError, TypeError):  # built in, or from an interactive session
             body = repr(function)
         place = f"{function.__module__}.{getattr(function, '__qualname__', repr(function))}"
+        place += " counts" * self.takes_counts
         return f"{place} {hashlib.sha256(body.encode()).hexdigest()}"
 
     def _flow(self, _: BlockGrid, pair: Floats) -> Floats:
         try:
             return np.asarray(self.function(pair[0], pair[1]), np.float64)
         except Exception as problem:  # foreign code can raise any exception
-            last = traceback.extract_tb(problem.__traceback__)[-1]
+            stack = [*traceback.walk_tb(problem.__traceback__)]
+            module = getattr(self.function, "__module__", None)
+            of_module = [call for call in stack if call[0].f_globals.get("__name__") == module]
+            frame, line = (of_module or stack)[-1]  # not a line of NumPy
             failure = f"{type(problem).__name__}: {' '.join(str(problem).split())}"
             raise MethodError(
-                f"method {self.name}: {quoted(failure)} at {last.filename}:{last.lineno}; give a "
-                "function of two frames (H, W) that returns their flow (H, W, 2)"
+                f"method {self.name}: {quoted(failure)} at {frame.f_code.co_filename}:{line}; give"
+                " a function of two frames (H, W) that returns their flow (H, W, 2)"
             ) from problem
 
 
+class CountsDetector(FunctionDetector, frozen=True):
+    """The flow of a function of counts."""
+
+    takes_counts: ClassVar[bool] = True
+
+
 def detector_from(
-    function: DenseFlow, name: str | None = None, label: str | None = None
+    function: DenseFlow, name: str | None = None, label: str | None = None, counts: bool = False
 ) -> FunctionDetector:
     """Return a detector that calls a function for the flow between neighboring frames.
 
-    It maps two frames (H, W) float64, gray levels from 0 to 1, to their flow (H, W, 2) in px, x
-    before y; NaN where undefined. Default names are the function's.
+    It maps two frames (H, W) float64 to their flow (H, W, 2) in px, x before y; NaN where
+    undefined. Frames are gray levels from 0 to 1, the extremes of both, or with `counts` the photon
+    counts themselves. Default names are the function's.
     """
     short = name or getattr(function, "__name__", type(function).__name__)
-    return FunctionDetector(name=short, label=label or short, function=function)
+    return (CountsDetector if counts else FunctionDetector)(
+        name=short, label=label or short, function=function
+    )

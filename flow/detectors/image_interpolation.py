@@ -23,9 +23,6 @@ from megalopta.core.compiling import compiled
 from megalopta.flow.detectors.base import Frames, Responder, in_pairs
 from megalopta.flow.detectors.blocks import BlockDetector, BlockGrid
 
-_SINGULAR = 1e-9
-"""Share of AC below which AC − B² is rounding error: gradients of one direction only."""
-
 
 class ImageInterpolation(BlockDetector, frozen=True):
     """Least-squares velocity of each block from references one pixel to either side."""
@@ -61,17 +58,17 @@ def _solve(frames: Floats, top: int, left: int, size: int, velocities: Floats) -
         for y in range(max(top + i * size, 1), min(top + (i + 1) * size, height - 1)):
             above, below = frames[pair, y - 1, first:last], frames[pair, y + 1, first:last]
             before, behind = frames[pair, y, first - 1 : last - 1], frames[pair, y, first + 1 :]
-            here, next_frame = frames[pair, y, first:last], frames[pair + 1, y, first:last]
+            frame, next_frame = frames[pair, y, first:last], frames[pair + 1, y, first:last]
             for x in range(last - first):
                 gx, gy = before[x] - behind[x], above[x] - below[x]
-                change = next_frame[x] - here[x]
+                change = next_frame[x] - frame[x]
                 A += gx * gx
                 B += gx * gy
                 C += gy * gy
                 D += change * gx
                 E += change * gy
         determinant = A * C - B * B
-        if determinant > _SINGULAR * A * C:
+        if determinant > 1e-9 * A * C:  # else gradients have one direction
             velocities[pair, i, j, 0] = 2 * (C * D - B * E) / determinant
             velocities[pair, i, j, 1] = 2 * (A * E - B * D) / determinant
         else:

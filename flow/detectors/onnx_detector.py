@@ -55,8 +55,7 @@ class OnnxDetector(DenseDetector, frozen=True):
         }
         outputs = [np.asarray(output, np.float64) for output in session.run(None, feed)]
         flows = [output[0] for output in outputs if output.ndim == 4 and output.shape[1] == 2]
-        most = max(flow.size for flow in flows)
-        flow = [flow for flow in flows if flow.size == most][-1]
+        flow = max(reversed(flows), key=np.size)
         if size == padded:
             return np.asarray(np.moveaxis(flow, 0, -1)[: shape[0], : shape[1]])
         scale = np.array(shape[::-1]) / np.array(size[::-1])

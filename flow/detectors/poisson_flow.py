@@ -14,19 +14,12 @@ from megalopta.core.arrays import Floats, Mask
 from megalopta.flow.detectors.base import Frames
 from megalopta.flow.detectors.blocks import BlockDetector, BlockGrid, PooledFrames, mean_over_blocks
 from megalopta.flow.detectors.libraries import DenseInverseSearch
+from megalopta.flow.likelihood import dense_flow
 from megalopta.flow.likelihood.alignment import round_trip
-from megalopta.flow.likelihood.dense_flow import (
-    SMOOTHNESS_POWER,
-    flow_and_covariance,
-    likelihood_flow,
-    refined_flow,
-)
 
 _DIS = DenseInverseSearch(stretch="anscombe", blur_px=0.7)
 _OCCLUDED_PX, _OCCLUDED_SHARE = 2.0, 0.2
 """Distance after the way there and back above which a pixel is occluded, and share of its motion"""
-_LEAST_LIGHT = 0.01
-"""Least share of light in counts"""
 
 
 class _FlowOfCounts(BlockDetector, frozen=True):
@@ -43,8 +36,8 @@ class _FlowOfCounts(BlockDetector, frozen=True):
 
     def _smoothness(self, smoothness: float, counts: Frames) -> float:
         """Return a smoothness for as many photons as tell as much as counts with a dark part."""
-        light = max(1 - self.dark_counts / float(counts.mean() or 1), _LEAST_LIGHT)
-        return float(smoothness * light ** (2 * SMOOTHNESS_POWER))
+        light = max(1 - self.dark_counts / float(counts.mean() or 1), 0.01)  # at least 1 % is light
+        return float(smoothness * light ** (2 * dense_flow.SMOOTHNESS_POWER))
 
 
 class PoissonFlow(_FlowOfCounts, frozen=True):
@@ -68,12 +61,14 @@ class PoissonFlow(_FlowOfCounts, frozen=True):
         NaN if a frame has no photon. Raises ValueError if they differ in shape, or are not counts.
         """
         counts = self.as_counts(self.checked(frames))
-        return likelihood_flow(counts, self._smoothness(self.smoothness, counts), _proposal(counts))
+        return dense_flow.likelihood_flow(
+            counts, self._smoothness(self.smoothness, counts), _proposal(counts)
+        )
 
     def dense_with_covariance(self, *frames: Frames) -> tuple[Floats, Floats]:
         """Return the flow as `dense` does, and its covariances (H, W, 2, 2), px² per frame²."""
         counts = self.as_counts(self.checked(frames))
-        return flow_and_covariance(
+        return dense_flow.flow_and_covariance(
             counts, self._smoothness(self.smoothness, counts), _proposal(counts)
         )
 
@@ -124,4 +119,4 @@ class FastPoissonFlow(_FlowOfCounts, frozen=True):
         """Return the flow (H, W, 2) from one frame to the next, px; NaN if one has no photon."""
         pair = self.as_counts(self.checked(frames))
         start = np.nan_to_num(_DIS.dense(*pair))  # NaN without contrast
-        return refined_flow(pair, start, PoissonFlow().smoothness)
+        return dense_flow.refined_flow(pair, start, PoissonFlow().smoothness)

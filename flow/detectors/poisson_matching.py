@@ -33,22 +33,14 @@ BLURS_PX = (0.7, 1.0, 1.4, 2.0)
 """Standard deviations to choose from. Less than 0.7 px leaves too little to interpolate between
 pixels, more than 2 px reaches far out of a block."""
 
-_NEIGHBORHOOD_BLURS = 12
-"""Side of the square in which a pixel's texture is measured, in standard deviations of the blur."""
-
 _LEAST_WEIGHT = 0.2
 
-_DEGENERATE = 0.05
-"""Share of fxx·fyy below which the determinant of the parabola is meaningless across an edge."""
 _STEPS_PER_PX = 2
 """Velocities tried, before interpolation"""
 _SLOPE, _LARGEST_PATTERN = 2.6, 0.02
 """S is proportional to (ω² + 0.02)^−1.3, ω in rad/px: between dead leaves and photographs"""
-_LEAST_CONTRAST = 0.1
 _STEPS, _NEAR_PX = 6, 5e-3
 """Most steps, and the length at which they stop"""
-_FARTHEST_PX = 1.0
-"""Largest refinement of a velocity; beyond it the velocity is kept"""
 
 
 class PoissonMatching(BlockDetector, frozen=True):
@@ -106,7 +98,7 @@ class SmoothedFrame:
         """Texture around each pixel of `roots`, from 0.2 to 1, (H, W), by level"""
 
     def _weights(self, level: int) -> NDArray[np.float32]:
-        side = round(_NEIGHBORHOOD_BLURS * BLURS_PX[level]) | 1
+        side = round(12 * BLURS_PX[level]) | 1  # px in which texture is measured, odd
         roots = self.roots(level)
         variance = uniform_filter((roots - uniform_filter(roots, side)) ** 2, side)
         texture = np.maximum(variance - _ROOT_NOISE[level], 0)
@@ -203,7 +195,7 @@ def parabola_minimum(costs: Floats) -> Floats:
         fy, fyy = (c[1, 0] - c[-1, 0]) / 2, c[1, 0] - 2 * c[0, 0] + c[-1, 0]
         fxy = (c[1, 1] - c[1, -1] - c[-1, 1] + c[-1, -1]) / 4
         determinant = fxx * fyy - fxy**2
-        coupled = determinant > _DEGENERATE * fxx * fyy
+        coupled = determinant > 0.05 * fxx * fyy  # else meaningless across an edge
         x = np.where(coupled, (fxy * fy - fyy * fx) / determinant, -fx / fxx)
         y = np.where(coupled, (fxy * fx - fxx * fy) / determinant, -fy / fyy)
         steps = np.where(np.stack((fxx, fyy), axis=-1) > 0, np.stack((x, y), axis=-1), 0)
@@ -286,7 +278,7 @@ def agreed_velocities(frames: Sequence[Patches], radius_px: int) -> Floats:
     for patch in np.flatnonzero(total):
         noise = total[patch] / pixels[patch]
         excess = squares[patch] / pixels[patch] - noise**2 - noise
-        excess = max(excess, (_LEAST_CONTRAST * noise) ** 2)
+        excess = max(excess, (0.1 * noise) ** 2)  # contrast of at least 0.1
         # S/(N·(N + n·S)), with S of this variance, which is the mean power
         spectrum = excess * shape * size**2 / (2 * shape.sum())
         weight = np.asarray(spectrum / (noise * (noise + count * spectrum)), np.float32)
@@ -383,7 +375,7 @@ def _align(
             step_x = (xy * along_y - yy * along_x) / determinant
             step_y = (xy * along_x - xx * along_y) / determinant
             vx, vy = vx + step_x, vy + step_y
-            is_near = max(abs(vx - start_x), abs(vy - start_y)) <= _FARTHEST_PX  # nor NaN
+            is_near = max(abs(vx - start_x), abs(vy - start_y)) <= 1.0  # px; false for NaN
             if not is_near or step_x**2 + step_y**2 < _NEAR_PX**2:
                 break
         if is_near:

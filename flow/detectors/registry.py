@@ -13,6 +13,7 @@ from types import MappingProxyType, ModuleType
 from typing import Any, TypeAlias
 
 from megalopta.core.bounded import quoted
+from megalopta.core.errors import nearest
 from megalopta.core.plug_ins import plug_ins
 from megalopta.flow.detectors.base import Detector
 from megalopta.flow.detectors.blocks import BlockDetector
@@ -79,7 +80,8 @@ def method(chosen: Method, allows_code: bool = True) -> Detector:
         return elsewhere
     more = "give module:function" if allows_code else "run code that a file names by --allow-code"
     raise ValueError(
-        f"method {quoted(chosen)!r} is unknown: choose from {', '.join(METHODS)}, or {more}"
+        f"method {quoted(chosen)!r} is unknown: {nearest(chosen, METHODS, 'choose from')} (or"
+        f" {more}; boards also take forms such as 'DIS √', 'DIS NLM' and 'DIS tuned')"
     )
 
 
@@ -106,6 +108,7 @@ def detector_at(reference: str) -> Detector | None:
     """Return the detector of `module:function` or of an ONNX file; None for any other text.
 
     The module may be in the working folder, also as FILE.py; its object may also be a detector.
+    `module:function counts` is a function of counts instead of gray levels.
 
     Raises ValueError if there is no such module, function or file.
     """
@@ -114,11 +117,12 @@ def detector_at(reference: str) -> Detector | None:
     module, _, name = reference.partition(":")
     if not (module and name):
         return None
-    here = str(Path.cwd())
-    if here not in sys.path:
-        sys.path.append(here)  # last: it replaces nothing that is installed
+    folder = str(Path.cwd())
+    if folder not in sys.path:
+        sys.path.append(folder)  # last: it replaces nothing that is installed
     try:
-        function = getattr(import_module(module.removesuffix(".py").replace("/", ".")), name)
+        imported = import_module(module.removesuffix(".py").replace("/", "."))
+        function = getattr(imported, name.removesuffix(" counts"))
     except (Exception, SystemExit) as problem:  # foreign code can raise any exception
         reason = " ".join(str(problem).split()) or type(problem).__name__
         if isinstance(problem, SyntaxError) or "null bytes" in reason:
@@ -127,7 +131,8 @@ def detector_at(reference: str) -> Detector | None:
             f"method {reference!r}: {reason}; give the name of a module, a colon and the name of "
             "a function in it"
         ) from None
-    if isinstance(function, Detector):
+    takes_counts = name.endswith(" counts")
+    if isinstance(function, Detector) and not takes_counts:
         return function
     if not callable(function):
         raise ValueError(f"method {reference!r} is not a function; give one of two frames")
@@ -139,4 +144,4 @@ def detector_at(reference: str) -> Detector | None:
         ) from None
     except ValueError:
         pass  # built in: unknown
-    return detector_from(function, reference)
+    return detector_from(function, reference, counts=takes_counts)

@@ -31,7 +31,6 @@ from scipy.integrate import trapezoid
 from scipy.interpolate import PchipInterpolator
 
 from megalopta.benchmark.methods import identity, velocity_methods
-from megalopta.config.light_scale import light_scale
 from megalopta.config.model import LightLevel, LightLevels, level_text, load
 from megalopta.config.scene import ONCE
 from megalopta.config.yaml_model import validated
@@ -45,11 +44,7 @@ from megalopta.core.record import Record
 from megalopta.dataset.sequence import Sequence as Rendered
 from megalopta.dataset.store import Dataset, open_sequence
 from megalopta.flow.detectors.blocks import BlockDetector, BlockGrid, block_sums
-from megalopta.flow.metrics.translation_bound import (
-    ReadingSlopes,
-    cramer_rao_covariance,
-    spline_gradient,
-)
+from megalopta.flow.metrics import translation_bound as bound
 from megalopta.sensor import ImageSensor, Sensor, changed, expectation, expose, expose_events
 from megalopta.sensor.calibrate.correction import filled_in
 from megalopta.sensor.contrast.model import ContrastSensor
@@ -71,8 +66,6 @@ _PARTS, _HALVINGS = 4, 0.5 ** np.arange(13)
 """Parts of the time between rendered frames, at whose ends light is known; exposures tried"""
 _DARKEST = 1e-3
 """Share of the mean light that darker pixels count as: their gradients are those of neighbors"""
-_HOT = 4.0
-"""Variance in the dark over that of the median pixel in light, above which pixels are filled in"""
 
 
 class CamerasSettings(Record, frozen=True):
@@ -212,11 +205,11 @@ def on_pixels(light: NDArray[Any], pitch: float) -> Floats:
     `pitch`: theirs over that of the given ones. Sums along rows and columns are monotone cubics.
     """
     for axis in (1, 2):
-        given = light.shape[axis]
-        count = int(given / pitch + 1e-9)
-        edges = (np.arange(count + 1) - count / 2) * pitch + given / 2
+        samples = light.shape[axis]
+        count = int(samples / pitch + 1e-9)
+        edges = (np.arange(count + 1) - count / 2) * pitch + samples / 2
         sums = np.insert(light.cumsum(axis, dtype=np.float64), 0, 0.0, axis)
-        light = np.diff(PchipInterpolator(np.arange(given + 1), sums, axis)(edges), axis=axis)
+        light = np.diff(PchipInterpolator(np.arange(samples + 1), sums, axis)(edges), axis=axis)
         light /= pitch
     return light
 
@@ -250,15 +243,15 @@ def _measured(
     seed: int,
 ) -> Iterator[dict[str, Any]]:
     """Yield the rows of a `Comparison` for a camera in a light."""
-    scale, pitch_m = light_scale(flight.configuration, level), sensor.pitch_m
+    scale, pitch_m = flight.configuration.light_scale(level), sensor.pitch_m
     bands = flight.configuration.render.bands_nm
     stream = f"cameras/{flight.name}/{level_text(level)}"
 
-    def slopes(setting: Setting, frame: int) -> ReadingSlopes:
+    def slopes(setting: Setting, frame: int) -> bound.ReadingSlopes:
         light = flight.light_on(pitch_m, setting.parts)[frame : frame + 1] * scale
         return motion_information(light, bands, setting)
 
-    def trace(slopes: ReadingSlopes) -> float:
+    def trace(slopes: bound.ReadingSlopes) -> float:
         return float((slopes.information * slopes.gradient**2).sum(axis=0).mean())
 
     if is_contrast := isinstance(sensor, ContrastSensor):
@@ -284,16 +277,14 @@ def _measured(
     for pair, true_m in enumerate(flight.flow_m):
         known = np.isfinite(true_m).all(axis=-1)
         motion_um = 1e6 * float(np.hypot(*true_m[known].T).mean())
-        facts: dict[str, Any] = {
-            "pair": pair,
-            "exposure_s": setting.sensor.exposure_s,
-            "frames": setting.frames,
-        }
-        facts |= {"bits_s_mm2": float(bits_s_mm2), "motion_um": motion_um}
-        facts |= {"information_mm4": None, "bound_um": None}
+        exposure = {"exposure_s": setting.sensor.exposure_s, "frames": setting.frames}
+        facts: dict[str, Any] = {"pair": pair, **exposure, "bits_s_mm2": float(bits_s_mm2)}
+        facts |= {"motion_um": motion_um, "information_mm4": None, "bound_um": None}
         if not is_contrast:
             fisher = slopes(setting, pair)
-            least = np.trace(cramer_rao_covariance(fisher.of_blocks(blocks)), axis1=-2, axis2=-1)
+            least = np.trace(
+                bound.cramer_rao_covariance(fisher.of_blocks(blocks)), axis1=-2, axis2=-1
+            )
             least_um = 1e6 * pitch_m * np.sqrt(math.pi / 4 * least)
             facts["bound_um"] = float(np.minimum(least_um, motion_um).mean())
             facts["information_mm4"] = trace(fisher) / (1e3 * pitch_m) ** 4
@@ -324,7 +315,7 @@ def net_events(
     return net, (1.0, 0.0), 64 * events.time_s.size / net.size
 
 
-def motion_information(light: Floats, bands_nm: Any, setting: Setting) -> ReadingSlopes:
+def motion_information(light: Floats, bands_nm: Any, setting: Setting) -> bound.ReadingSlopes:
     """Return what readings of light (1, h, w, B) tell of its motion, all summed frames together."""
     sensor = setting.sensor
     electrons = detected_rate(light, bands_nm, sensor)[0] * sensor.exposure_s
@@ -332,7 +323,7 @@ def motion_information(light: Floats, bands_nm: Any, setting: Setting) -> Readin
     lights = np.geomspace(lit.min(), 1.001 * lit.max(), 24)
     share = information(lights, sensor) * lights  # of what an ideal detector tells
     per_electron = np.interp(np.log(lit), np.log(lights), share) / lit
-    return ReadingSlopes(spline_gradient(electrons), setting.frames * per_electron)
+    return bound.ReadingSlopes(bound.spline_gradient(electrons), setting.frames * per_electron)
 
 
 def corrected_readings(
@@ -360,7 +351,8 @@ def corrected_readings(
         readings = exposure.counts.astype(np.float64)
     gain = (bright - dark) / max(float(np.median(bright - dark)), 1e-300)
     dark_noise, noise = (even.reading_variance[0] for even in stated)
-    bad = (gain < 0.2) | (dark_noise > _HOT * max(np.median(noise), np.median(dark_noise)))
+    # hot: in the dark, above 4 times the variance of the median pixel in light
+    bad = (gain < 0.2) | (dark_noise > 4.0 * max(np.median(noise), np.median(dark_noise)))
     corrected = (readings - dark) / np.where(bad, 1.0, gain)
     corrected, _ = filled_in(corrected, corrected, bad)
     slope, offset = reading_noise(sensor)

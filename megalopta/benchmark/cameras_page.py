@@ -142,15 +142,14 @@ def verdict(means: pd.DataFrame, metric: str) -> str:
 
 
 def _cells(means: pd.DataFrame) -> list[Markup]:
-    """Return errors of a camera at each light."""
     cells = []
     for _, at_light in means.groupby("lux"):
         error, information, bound, median = table.records(at_light)
         value = Markup("<b>{}</b>" if error.is_best else "{}").format(percent(error.value))
         ends = f"{100 * error.low:.0f}–{100 * error.high:.0f} %"
         spread = f"median {percent(median.value)}", f"bound {percent(bound.value)}"
-        told = f"I {percent(information.value)}", f"{number(1e-6 * error.bits_s_mm2)} Mbit/s"
-        lines = value, ends, error.method, *spread, *told
+        figures = f"I {percent(information.value)}", f"{number(1e-6 * error.bits_s_mm2)} Mbit/s"
+        lines = value, ends, error.method, *spread, *figures
         cells.append(Markup("<br>").join(lines).replace(" ", "\u00a0"))
     return cells
 

@@ -346,6 +346,8 @@ def _charts(sheet: DataSheet) -> list[Markup]:
     figure, axes = style.new_axes(*style.CHART_PT)
     nm = np.array(sensor.efficiency.wavelengths_nm)
     pde = 100 * sensor.photon_detection_efficiency(nm)
+    at_peak = sensor.photon_detection_efficiency(np.array(sheet.wavelength_nm))
+    pde *= sheet.pde / at_peak  # of the typical pixel, by its map and bias
     axes.plot(nm, pde, color=style.BLACK)
     for color, ink in (("red", style.VERMILION), ("green", style.GREEN), ("blue", style.BLUE)):
         if (passing := getattr(sensor.filters, color)) is not None:
@@ -359,7 +361,8 @@ def _charts(sheet: DataSheet) -> list[Markup]:
     ):
         figure, axes = style.new_axes(*style.CHART_PT)
         for place, (name, values) in enumerate(lines.items()):
-            shown = values.where(values > 0)
+            # further on, readings lock to whole dead times, between which scatter rises again
+            shown = values.where((values > 0) & ~(curve["photons"] > 10 * sheet.saturation_photons))
             axes.plot(curve["photons"], shown, label=name, **style.line_style(place))
         for photons in filter(math.isfinite, (sheet.threshold_photons, sheet.saturation_photons)):
             axes.axvline(photons, color=style.GRAY, linewidth=1, linestyle=":")

@@ -19,7 +19,6 @@ from pydantic import Field, model_validator
 
 from megalopta.assets_gen import generator
 from megalopta.assets_gen.surface_textures import dead_leaves
-from megalopta.config.light_scale import light_scale
 from megalopta.config.model import LightLevel, LightLevels
 from megalopta.config.scene import ONCE
 from megalopta.config.yaml_model import validated
@@ -291,7 +290,9 @@ class _Work:
             few = "too few photons in a frame"
             return few if math.isfinite(error) else "saturation, or a texture of one direction"
         for number in range(1, len(causes)):
-            error, removed = min((least(*some), some) for some in combinations(causes, number))
+            error, removed = min(
+                (least(*subset), subset) for subset in combinations(causes, number)
+            )
             if error <= target:
                 return " and ".join(removed)
         return " and ".join(causes)
@@ -358,6 +359,6 @@ def _of_dataset(dataset: Dataset) -> DesignScene:
     settings, frame = dataset.configuration, read_radiance_frame(dataset, 0).astype(np.float64)
 
     def radiance(level: LightLevel) -> Floats:
-        return np.asarray(frame[np.newaxis] * light_scale(settings, level))
+        return np.asarray(frame[np.newaxis] * settings.light_scale(level))
 
     return DesignScene(radiance, list(settings.render.bands_nm), settings.camera)

@@ -15,7 +15,6 @@ from megalopta.report import style
 from megalopta.report.sections import Section, captioned, write_sections
 from megalopta.report.text import level_name
 
-_CHARTS = 4
 _MEASURES = {"error_px": ("flow", "px"), "error_deg_s": ("yaw rate", "°/s")}
 """What is measured, and its unit"""
 _QUANTITIES = {
@@ -61,7 +60,7 @@ def write_design(folder: Path, design: Design) -> Path:
     write_csv(folder / "design.csv", head, points)
     rows = tuple(table_cells(design, row) for row in design.rows)
     charts, cases = [], {tuple(row.case.items()): row.case for row in design.rows}
-    for place, case in enumerate(list(cases.values())[:_CHARTS]):
+    for place, case in enumerate(list(cases.values())[:4]):
         of_case = [point for point in design.points if point.case == case]
         chart = _curve_chart(design, of_case, f"errors-{place}")
         charts.append(captioned(chart, _described(case) or design.sensor.name))

@@ -20,7 +20,6 @@ from megalopta.flow.detectors import registry
 from megalopta.flow.detectors.base import Detector, Frames
 from megalopta.flow.detectors.blocks import BlockDetector, BlockGrid
 from megalopta.flow.detectors.gray_detector import GrayDetector
-from megalopta.flow.detectors.registry import VELOCITY_METHODS, Method, velocity_method
 
 Methods = Mapping[str, BlockDetector]
 
@@ -32,7 +31,7 @@ TUNED: Mapping[str, Mapping[float, Mapping[str, Any]]] = strict_yaml.load(
     Path(__file__).with_name("tuned.yaml").read_text("utf-8")
 )
 """Settings by method and photons per pixel, with their error on the tuning scenes"""
-STRONGEST = tuple(f"{name} tuned" if name in TUNED else name for name in VELOCITY_METHODS)
+STRONGEST = tuple(f"{name} tuned" if name in TUNED else name for name in registry.VELOCITY_METHODS)
 """Names of the methods that give velocities, tuned to the light where there are settings"""
 
 
@@ -79,7 +78,7 @@ def gray_method(name: str) -> GrayDetector:
     return detector
 
 
-def velocity_methods(chosen: Iterable[Method]) -> Methods:
+def velocity_methods(chosen: Iterable[registry.Method]) -> Methods:
     """Return methods and baselines by name.
 
     Raises ValueError if one is unknown, gives no velocities, or has a duplicate name.
@@ -92,7 +91,14 @@ def velocity_methods(chosen: Iterable[Method]) -> Methods:
     return detectors
 
 
-def method_or_baseline(chosen: Method) -> BlockDetector:
+def with_compared(chosen: Iterable[registry.Method], against: str) -> tuple[Methods, str]:
+    """Return methods with the one that others are compared with, "" for none, and its name."""
+    methods = velocity_methods(chosen)
+    added = {} if against in methods or not against else velocity_methods([against])
+    return {**methods, **added}, next(iter(added), against)
+
+
+def method_or_baseline(chosen: registry.Method) -> BlockDetector:
     """Return a method that gives velocities of blocks, or a baseline: `DIS tuned`, `√` or `NLM`.
 
     Raises ValueError for any other.
@@ -101,13 +107,13 @@ def method_or_baseline(chosen: Method) -> BlockDetector:
     if kind == "tuned":
         return tuned(name)
     if kind not in _STRETCHES:
-        return velocity_method(chosen)
+        return registry.velocity_method(chosen)
     detector, (settings, light) = gray_method(name), _STRETCHES[kind]
     names = {"name": f"{detector.name} {kind}", "label": f"{detector.label}, {light}"}
     return detector.model_copy(update={**names, **settings})
 
 
-def block_detector(chosen: Method) -> BlockDetector:
+def block_detector(chosen: registry.Method) -> BlockDetector:
     """Return a method or baseline with the blocks of boards of whole frames, 24 × 24 px."""
     return method_or_baseline(chosen).model_copy(update={"block_px": 24})
 
@@ -115,7 +121,7 @@ def block_detector(chosen: Method) -> BlockDetector:
 def methods_and_baselines() -> list[BlockDetector]:
     """Return all methods that run on two frames, tuned to the light where there are settings."""
     chosen = (*STRONGEST, "DIS √", "DeepFlow √")
-    return [each for each in map(block_detector, chosen) if each.memory_frames == 1]
+    return [detector for detector in map(block_detector, chosen) if detector.memory_frames == 1]
 
 
 def check_gives_flow(detector: BlockDetector, flow: Floats) -> None:

@@ -2,16 +2,18 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Annotated, Any
+from typing import Annotated
 
 import pandas as pd
 from pydantic import Field, FiniteFloat, NonNegativeInt, PositiveInt, model_validator
 
 from megalopta.benchmark import table
+from megalopta.benchmark.curves import BOUND
 from megalopta.benchmark.methods import STRONGEST
 from megalopta.config.model import LightLevel, LightLevels
 from megalopta.config.scene import ONCE
 from megalopta.core.format_numbers import FORMATS
+from megalopta.core.quantities import short
 from megalopta.core.record import Record
 from megalopta.scenes.levels import illuminance_of
 from megalopta.stages.noise_warning import LIMIT
@@ -19,10 +21,7 @@ from megalopta.stages.noise_warning import LIMIT
 FEWEST_SEQUENCES = 5
 """Least number of sequences for sequences to be the units"""
 SEGMENTS = 10
-"""Segments of successive pairs of frames per sequence, if sequences are fewer"""
-STILL = "zero motion"
-"""Baseline that a method must beat: no motion anywhere"""
-BOUND = "Poisson bound"
+"""Parts of successive pairs of frames per sequence, the units if sequences are fewer"""
 RANGES = ("low", "medium", "high")
 SPEEDS_PX = (1.0, 3.0)
 PARALLAX_PX = (0.3, 1.0)
@@ -36,7 +35,9 @@ class RankingSettings(Record, frozen=True):
         name for name in STRONGEST if name not in ("DualTVL1 tuned", "zero")
     )
     """Methods that give velocities: names, baselines such as `DIS tuned` and `DIS √`,
-    `module:function`, or ONNX files."""
+    `module:function`, `module:function counts`, or ONNX files, by commas or blanks."""
+    against: str = ""
+    """Method that others are compared with; default: the best at each light."""
     fluxes: Annotated[tuple[Annotated[float, Field(gt=0)], ...], ONCE] = (
         *(1e3, 1e4, 1e5, 1e6, 1e7, 1e8),
     )
@@ -57,11 +58,6 @@ class RankingSettings(Record, frozen=True):
         if not self.fluxes and not self.light_levels:
             raise ValueError("give fluxes, or light_levels")
         return self
-
-
-def cell_name(speed: str, parallax: str) -> str:
-    """Name of the group of blocks of one speed and parallax."""
-    return f"speed {speed}, parallax {parallax}"
 
 
 def photons_at(per_lux_s: float, level: LightLevel, exposure_s: float) -> float:
@@ -93,6 +89,17 @@ class RankingFacts(Record, frozen=True):
         equal = self.rendering_photons_per_px
         return flux / self.frame_px / equal if equal else 0.0
 
+    def light(self, flux: float) -> str:
+        """Return photons per frame as a number of the unit in which they were given."""
+        return short(flux / self.unit[2])
+
+    @property
+    def unit(self) -> tuple[str, str, int]:
+        """Unit in which lights were given, its option, and photons per frame that it is."""
+        if self.settings.photons:
+            return "photons per pixel", "--photons", self.frame_px
+        return "photons per frame", "--fluxes", 1
+
     @property
     def noisy_fluxes(self) -> list[float]:
         """Fluxes at which rendering noise adds more than a tenth to the variance of shot noise."""
@@ -106,15 +113,15 @@ class Ranking:
     facts: RankingFacts
     rows: pd.DataFrame
     """The long table (`table.means`)"""
+    samples: pd.DataFrame | None = None
+    """What the means are of (`table.samples`)"""
 
     def rows_of(self, metric: str, group: str = "all") -> pd.DataFrame:
         """Return the rows of a metric, of one group."""
         return self.rows[(self.rows["metric"] == metric) & (self.rows["group"] == group)]
 
-    def best_of(
-        self, flux: float, group: str = "all", metric: str = table.MEAN
-    ) -> "pd.Series[Any] | None":
-        """Return the row of the least error; None if the group has no blocks."""
-        errors = self.rows_of(metric, group)
-        errors = errors[(errors["photons"] == flux) & (errors["method"] != BOUND)]
-        return None if errors.empty else errors.iloc[int(errors["value"].argmin())]
+    def best(self) -> pd.DataFrame:
+        """Return the row of the least mean error at each light."""
+        errors = self.rows_of(table.MEAN)
+        errors = errors[errors["method"] != BOUND]
+        return errors.loc[errors.groupby("photons")["value"].idxmin()]

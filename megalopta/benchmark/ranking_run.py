@@ -7,13 +7,14 @@ block's error is its endpoint error in px per frame; one without velocity counts
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import cache
-from itertools import product
+from itertools import chain
 from pathlib import Path
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
 from megalopta.benchmark import methods as benchmarked, ranking as ranked, table
+from megalopta.benchmark.curves import BOUND, STILL
 from megalopta.benchmark.ranking_page import caution, write_ranking
 from megalopta.config.yaml_model import validated
 from megalopta.core.array_store import ArrayStore
@@ -64,8 +65,9 @@ def run_ranking(
     if len(datasets) == 1:
         require(datasets[0], "render")
     with locked(out), refused_as():
-        detectors = benchmarked.velocity_methods(methods or chosen.methods)
-        chosen = chosen.model_copy(update={"methods": tuple(detectors)})
+        names = methods or chosen.methods
+        detectors, against = benchmarked.with_compared(names, chosen.against)
+        chosen = chosen.model_copy(update={"methods": tuple(detectors), "against": against})
         return write_ranking(out, _ranked(datasets, chosen, detectors, out / "velocities"))
 
 
@@ -98,8 +100,8 @@ def _ranked(
     )
     frame_px = math.prod(datasets[0].configuration.camera.shape)
     replaced = settings.photons and "fluxes" not in settings.model_fields_set
-    given = () if replaced else settings.fluxes
-    fluxes = tuple(sorted({*given, *levels, *(frame_px * count for count in settings.photons)}))
+    stated = () if replaced else settings.fluxes
+    fluxes = tuple(sorted({*stated, *levels, *(frame_px * count for count in settings.photons)}))
     facts = ranked.RankingFacts(
         settings=settings.model_copy(update={"fluxes": fluxes}),
         sequences=tuple(dataset.sequence for dataset in datasets),
@@ -109,28 +111,24 @@ def _ranked(
         rendering_photons_per_px=min(equal, default=None),
         blocks={},
     )
-    if warning := caution(facts):
-        say(warning)
     rows: list[tuple[Any, ...]] = []
     segments = 1 if len(datasets) >= ranked.FEWEST_SEQUENCES else ranked.SEGMENTS
     total = len(methods) * len(fluxes) * len(datasets)
-    with progress("Ranking methods", total, "case") as advance:
-        for dataset in datasets:
-            light = perfect_light(dataset)
-            photons = Photons(dataset, light, settings.seed, folder / dataset.sequence)
-            if dataset is datasets[0]:
-                with working("Compiling and trying the methods"):
-                    for method in methods.values():
-                        bright = photons.velocities(method, fluxes[-1], 0)
-                        benchmarked.check_gives_flow(method, bright)
-            rows += endpoint_errors(
-                dataset, photons, methods, fluxes, settings.repeats, segments, advance
-            )
+    drawn = (Photons(dataset, settings.seed, folder / dataset.sequence) for dataset in datasets)
+    first = next(drawn)
+    with working("Compiling and trying the methods"):  # before time is measured
+        for method in methods.values():
+            benchmarked.check_gives_flow(method, first.velocities(method, fluxes[-1], 0))
+    if warning := caution(facts):
+        say(warning)
+    with progress("Ranking methods", total, "run") as advance:
+        for dataset, photons in zip(datasets, chain([first], drawn), strict=True):
+            rows += endpoint_errors(dataset, photons, methods, facts.settings, segments, advance)
     samples = table.samples(rows)
-    still = samples.query("metric == @table.MEAN and method == @ranked.STILL")
+    still = samples.query("metric == @table.MEAN and method == @STILL")
     blocks = still[still["photons"] == fluxes[0]].groupby("group", sort=False)["blocks"].sum()
     facts = facts.model_copy(update={"blocks": blocks.astype(int).to_dict()})
-    return ranked.Ranking(facts, table.means(samples, ranked.BOUND))
+    return ranked.Ranking(facts, table.means(samples, BOUND, settings.against), samples)
 
 
 class BlockTruth(NamedTuple):
@@ -163,9 +161,6 @@ def sequence_truth(dataset: Dataset, grid: BlockGrid) -> BlockTruth:
     near = np.digitize(means["parallax"], ranked.PARALLAX_PX)
     groups |= {f"speed {name}": fast == at for at, name in enumerate(ranked.RANGES)}
     groups |= {f"parallax {name}": near == at for at, name in enumerate(ranked.RANGES)}
-    for name, parallax in product(ranked.RANGES, ranked.RANGES):
-        cell = groups[f"speed {name}"] & groups[f"parallax {parallax}"]
-        groups[ranked.cell_name(name, parallax)] = cell
     groups = {name: blocks & groups["all"] for name, blocks in groups.items()}
     return BlockTruth(means["velocity"], groups)
 
@@ -206,7 +201,8 @@ class Photons:
     Velocities are kept in a folder, under the hash of all that they depend on.
     """
 
-    def __init__(self, dataset: Dataset, light: Floats, seed: int, folder: Path) -> None:
+    def __init__(self, dataset: Dataset, seed: int, folder: Path) -> None:
+        light = perfect_light(dataset)
         self._mean = light / light.sum(axis=(1, 2)).mean()
         self._sequence, self._seed = dataset.sequence, seed
         used = "megalopta.flow", "megalopta.sensor.sampling", "megalopta.scenes.cameras"
@@ -234,8 +230,7 @@ def endpoint_errors(
     dataset: Dataset,
     photons: Photons,
     methods: benchmarked.Methods,
-    fluxes: Sequence[float],
-    repeats: int,
+    settings: ranked.RankingSettings,
     segments: int,
     advance: Callable[[int], object],
 ) -> Rows:
@@ -250,16 +245,17 @@ def endpoint_errors(
 
     def rows(name: str, flux: float, errors: Sequence[Floats], truth: BlockTruth) -> Rows:
         for metric, group, segment, *sums in _by_group(errors, truth, segments):
-            if name != ranked.BOUND or metric == table.MEAN:
+            if name != BOUND or metric == table.MEAN:
                 yield metric, name, flux, group, f"{dataset.sequence} {segment}", *sums
 
-    for flux in fluxes:
+    for flux in settings.fluxes:
         for grid, (name, method) in zip(grids, methods.items(), strict=True):
             truth, errors = truth_of(grid), []
-            for repeat in range(repeats):
+            for repeat in range(settings.repeats if name != STILL else 0):
                 velocities = photons.velocities(method, flux, repeat)[:, 1:-1, 1:-1]
                 errors.append(np.linalg.norm(velocities - truth.velocities, axis=-1))
-            yield from rows(name, flux, errors, truth)
+            if errors:
+                yield from rows(name, flux, errors, truth)
             advance(1)
         truth = truth_of(grids[0])
         speed = np.linalg.norm(truth.velocities, axis=-1)
@@ -267,8 +263,8 @@ def endpoint_errors(
         known = [translation_bound.fisher_information(frame, grids[0]) for frame in means]
         least = translation_bound.cramer_rao_covariance(np.array(known))
         trace = np.trace(least, axis1=-2, axis2=-1)[:, 1:-1, 1:-1]
-        yield from rows(ranked.STILL, flux, [speed], truth)
-        yield from rows(ranked.BOUND, flux, [np.minimum(np.sqrt(np.pi / 4 * trace), speed)], truth)
+        yield from rows(STILL, flux, [speed], truth)
+        yield from rows(BOUND, flux, [np.minimum(np.sqrt(np.pi / 4 * trace), speed)], truth)
 
 
 def _by_group(errors: Sequence[Floats], truth: BlockTruth, segments: int) -> Rows:

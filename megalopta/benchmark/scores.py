@@ -167,8 +167,8 @@ def _flows_of(
         if isinstance(detector, PoissonFlow):
             estimate, covariance = detector.dense_with_covariance(first, second)
             return estimate, np.sqrt(np.trace(covariance, axis1=-2, axis2=-1))
-        there, back = detector.dense(first, second), detector.dense(second, first)
-        return there, round_trip(np.moveaxis(there, -1, 0), np.moveaxis(back, -1, 0))
+        forth, back = detector.dense(first, second), detector.dense(second, first)
+        return forth, round_trip(np.moveaxis(forth, -1, 0), np.moveaxis(back, -1, 0))
 
     source = f"{detector.name} on {{}}".format
     return detector.name, {

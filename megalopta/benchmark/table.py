@@ -10,7 +10,7 @@ degrees of freedom.
 """
 
 import math
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -63,20 +63,27 @@ def records(rows: pd.DataFrame) -> Iterator[Any]:
     yield from rows.itertuples()
 
 
-def means(table: pd.DataFrame, not_ranked: str = "") -> pd.DataFrame:
+def means(table: pd.DataFrame, not_ranked: str = "", against: str = "") -> pd.DataFrame:
     """Return the mean of every case over units: value, low, high and `surely_lowest`.
 
-    The last is true if the value is lower than that of every other method but `not_ranked`. Cases
-    without blocks are excluded.
+    The last is true if the value is lower than that of every other method but `not_ranked`.
+    `difference` is from the method in `against`, by default the lowest, and `difference_half` half
+    its paired interval. Cases without blocks are excluded.
     """
     rows = []
     for (metric, *case), same in table.groupby(["metric", *CASE[2:]], sort=False):
-        sums_by_method = by_method(same)
-        first = lowest({name: sums for name, sums in sums_by_method.items() if name != not_ranked})
-        for name, sums in sums_by_method.items():
-            if (over_units := interval(sums)) is not None:
-                rows.append((metric, name, *case, *over_units, first == (name, True)))
-    return pd.DataFrame(rows, columns=[*CASE, "value", "low", "high", "surely_lowest"])
+        sums = {name: of_all for name, of_all in by_method(same).items() if of_all.blocks.any()}
+        ranked = [name for name in sums if name != not_ranked] or list(sums)
+        first = min(ranked, key=lambda name: mean(sums[name]), default="")
+        gaps = [difference(sums[name], sums[first]) for name in ranked if name != first]
+        is_sure, base = all(gap > half for gap, half in gaps), against if against in sums else first
+        for name, of_method in sums.items():
+            is_lowest, gap = is_sure and name == first, difference(of_method, sums[base])
+            value, low, high = interval(of_method)
+            high = min(high, 1.0) if metric in (FAR, NONE) else high
+            rows.append((metric, name, *case, value, low, high, is_lowest, base, *gap))
+    columns = ["value", "low", "high", "surely_lowest", "against", "difference", "difference_half"]
+    return pd.DataFrame(rows, columns=[*CASE, *columns])
 
 
 def by_method(rows: pd.DataFrame) -> dict[str, Sums]:
@@ -87,10 +94,8 @@ def by_method(rows: pd.DataFrame) -> dict[str, Sums]:
     }
 
 
-def interval(sums: Sums) -> Interval | None:
-    """Return the mean over all blocks and its interval; None if there are no blocks."""
-    if not sums.blocks.any():
-        return None
+def interval(sums: Sums) -> Interval:
+    """Return the mean over all blocks and its interval."""
     present = _present(sums)
     spread = _spread(_log_means(present), present.blocks)
     return _around(mean(sums), *spread) if spread else Interval(mean(sums))
@@ -110,24 +115,11 @@ def difference(upper: Sums, lower: Sums) -> tuple[float, float]:
 
     Of units of one size, the interval is Student's of paired values.
     """
-    gaps = Sums(upper.totals - lower.totals, upper.blocks)
-    totals, blocks = (values.sum() - values for values in gaps)
-    spread = _spread(totals / np.where(blocks, blocks, np.nan), gaps.blocks)
+    upper, lower = _present(upper), _present(lower)
+    with np.errstate(invalid="ignore"):  # of a single unit
+        spread = _spread(_means_without_each(upper) - _means_without_each(lower), upper.blocks)
     half = student.ppf((1 + _CONFIDENCE) / 2, spread[1]) * spread[0] if spread else math.nan
-    return mean(gaps), float(half)
-
-
-def lowest(sums: Mapping[str, Sums]) -> tuple[str, bool] | None:
-    """Return the method of the lowest mean, and True if all others' ratios surely exceed 1.
-
-    None if there are no blocks.
-    """
-    errors = {name: mean(blocks) for name, blocks in sums.items() if blocks.blocks.any()}
-    if not errors:
-        return None
-    first = min(errors, key=lambda name: errors[name])
-    ratios = [ratio(sums[name], sums[first]) for name in errors if name != first]
-    return first, all(interval is not None and interval.low > 1 for interval in ratios)
+    return mean(upper) - mean(lower), float(half)
 
 
 def _spread(left_out: Floats, blocks: Floats) -> tuple[float, float] | None:
@@ -157,7 +149,10 @@ def mean(sums: Sums) -> float:
 
 
 def _log_means(sums: Sums) -> Floats:
-    """Return the logarithm of the mean without each unit."""
+    with np.errstate(divide="ignore"):
+        return np.asarray(np.log(_means_without_each(sums)))
+
+
+def _means_without_each(sums: Sums) -> Floats:
     totals, blocks = (values.sum() - values for values in sums)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        return np.asarray(np.log(totals / blocks))
+    return np.asarray(totals / np.where(blocks, blocks, np.nan))

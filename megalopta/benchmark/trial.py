@@ -15,15 +15,7 @@ from pathlib import Path
 from typing import Annotated, Any, Literal, NamedTuple, Self
 
 import numpy as np
-from pydantic import (
-    BeforeValidator,
-    Field,
-    InstanceOf,
-    SerializeAsAny,
-    ValidationInfo,
-    field_validator,
-    model_validator,
-)
+import pydantic
 
 from megalopta.assets_gen.grating import GratingVariant, moving_cycles, sine_grating
 from megalopta.benchmark import panoramas
@@ -56,9 +48,9 @@ class GratingTemplate(Record, frozen=True):
 
     kind: Literal["grating"] = "grating"
     """Kind of the template: grating, or panorama, which has the keys name and coding"""
-    cycles_per_frame: Annotated[float, Field(gt=0)] = 5.0
+    cycles_per_frame: Annotated[float, pydantic.Field(gt=0)] = 5.0
     """Spatial frequency f (cycles per frame)"""
-    contrast: Annotated[float, Field(gt=0, le=1)] = 0.9
+    contrast: Annotated[float, pydantic.Field(gt=0, le=1)] = 0.9
     """Michelson contrast C"""
     variant: GratingVariant = "rot"
     """rot: as in the dissertation, √2·f moving cycles and a seam; periodic: exactly f, no seam"""
@@ -75,7 +67,7 @@ class GratingTemplate(Record, frozen=True):
         return sine_grating(x, x[:, np.newaxis], *waves)
 
 
-def path_from_its_file(name: Any, validation: ValidationInfo) -> Any:
+def path_from_its_file(name: Any, validation: pydantic.ValidationInfo) -> Any:
     """Return a path relative to the file being read; a forest's name unchanged."""
     if not isinstance(name, str) or not Path(name).suffix:
         return name
@@ -87,7 +79,7 @@ class PanoramaTemplate(Record, frozen=True):
 
     kind: Literal["panorama"] = "panorama"
     """Kind of the template"""
-    name: Annotated[str, BeforeValidator(path_from_its_file), Field(min_length=1)]
+    name: Annotated[str, pydantic.BeforeValidator(path_from_its_file), pydantic.Field(min_length=1)]
     """A forest rendered by this project, open, dense, understorey or clearing, or the path of an
     equirectangular picture (EXR, HDR, PNG or JPEG). Paths are relative to the file that contains
     them; on the command line, to the working folder"""
@@ -95,7 +87,7 @@ class PanoramaTemplate(Record, frozen=True):
     """linear: light. srgb: gray values of a photograph of it, with the brightest 1 % white"""
 
 
-Template = Annotated[GratingTemplate | PanoramaTemplate, Field(discriminator="kind")]
+Template = Annotated[GratingTemplate | PanoramaTemplate, pydantic.Field(discriminator="kind")]
 
 
 def template_names(templates: Sequence[Template]) -> list[str]:
@@ -144,26 +136,28 @@ class Trial(Record, frozen=True):
 
     template: Template = GratingTemplate()
     """Moving template"""
-    velocity_px: Annotated[int, Field(ge=-(panoramas.ROWS // 2), le=panoramas.ROWS // 2)] = 5
+    velocity_px: Annotated[
+        int, pydantic.Field(ge=-(panoramas.ROWS // 2), le=panoramas.ROWS // 2)
+    ] = 5
     """Motion of the template (columns per frame, positive to the right)"""
-    size: Annotated[int, Field(ge=3, le=panoramas.ROWS)] = 60
+    size: Annotated[int, pydantic.Field(ge=3, le=panoramas.ROWS)] = 60
     """Spatial pooling: rows and columns of the frames that detectors see (px)"""
     resize: ResizeKind = "nearest"
     """Resizing of frames: nearest subsamples as in the dissertation, area pools the light"""
     blurred: bool = False
     """True if the motion within a frame blurs it"""
     methods: Annotated[
-        tuple[str | SerializeAsAny[InstanceOf[Detector]], ...],
-        Field(min_length=1, description="Names of the detectors: " + ", ".join(METHODS)),
+        tuple[str | pydantic.SerializeAsAny[pydantic.InstanceOf[Detector]], ...],
+        pydantic.Field(min_length=1, description="Names of the detectors: " + ", ".join(METHODS)),
     ] = THESIS_METHODS
     search: SearchSettings = SearchSettings()
     """Metrics and precision of the search"""
-    seed: Annotated[int, Field(ge=0)] = 0
+    seed: Annotated[int, pydantic.Field(ge=0)] = 0
     """Seed of all random numbers"""
 
-    @field_validator("methods", mode="before")
+    @pydantic.field_validator("methods", mode="before")
     @classmethod
-    def _known_once(cls, methods: Any, validation: ValidationInfo) -> Any:
+    def _known_once(cls, methods: Any, validation: pydantic.ValidationInfo) -> Any:
         """Find each method; a name in a file runs no code unless that is allowed."""
         if not isinstance(methods, list | tuple) or not all(
             isinstance(name, str | Detector) or callable(name) for name in methods
@@ -177,7 +171,7 @@ class Trial(Record, frozen=True):
             for detector in detectors
         ]
 
-    @model_validator(mode="after")
+    @pydantic.model_validator(mode="after")
     def _can_be_measured(self) -> "Trial":
         if isinstance(self.template, GratingTemplate):
             cycles, most = self.template.moving_cycles, self.size / 2
@@ -235,21 +229,21 @@ class Sweep(Record, frozen=True):
     """The fixed parameters"""
     vary: str = "velocity_px"
     """Path of the varied parameter in a trial, such as template.contrast or search.dark_counts"""
-    values: Annotated[tuple[Value, ...], ONCE, Field(min_length=1)] = (1, 2, 5, 10)
+    values: Annotated[tuple[Value, ...], ONCE, pydantic.Field(min_length=1)] = (1, 2, 5, 10)
     """Values of that parameter"""
     sizes: Annotated[tuple[int, ...], ONCE] = ()
     """Spatial pooling (px), a panel of the figure each; default: that of the trial"""
     templates: Annotated[tuple[Template, ...], ONCE] = ()
     """Templates that thresholds are averaged over; default: that of the trial"""
 
-    @field_validator("values", mode="before")
+    @pydantic.field_validator("values", mode="before")
     @classmethod
-    def _paths_from_their_file(cls, values: Any, validation: ValidationInfo) -> Any:
+    def _paths_from_their_file(cls, values: Any, validation: pydantic.ValidationInfo) -> Any:
         if validation.data.get("vary") != "template.name" or not isinstance(values, list | tuple):
             return values
         return [path_from_its_file(value, validation) for value in values]
 
-    @model_validator(mode="after")
+    @pydantic.model_validator(mode="after")
     def _every_trial_is_possible(self) -> Self:
         count = len(self.values) * len(self.sizes or "1") * len(self.templates or "1")
         if count > MOST_TRIALS:

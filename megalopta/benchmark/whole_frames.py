@@ -13,8 +13,7 @@ import time
 from collections.abc import Iterable, Iterator, Mapping, Sequence, Sized
 from contextlib import ExitStack
 from dataclasses import asdict, dataclass
-from functools import cached_property
-from itertools import pairwise, product
+from itertools import chain, islice, pairwise, product
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -24,29 +23,31 @@ from numpy.typing import NDArray
 
 from megalopta.benchmark import table
 from megalopta.benchmark.clips import FlowClip, luminance
+from megalopta.benchmark.curves import LEGEND, METRICS as METRICS_OF_CHARTS, error_chart
 from megalopta.benchmark.disturbances import Disturbance
 from megalopta.benchmark.methods import block_detector, check_gives_flow
-from megalopta.benchmark.table import FAR, MEAN, MEDIAN, NONE
 from megalopta.core.arrays import Floats
 from megalopta.core.bounded import check_decoded
 from megalopta.core.errors import UserError
 from megalopta.core.files import write_text
 from megalopta.core.pictures import SENSED_BYTES
-from megalopta.core.progress import progress, say, working
+from megalopta.core.progress import progress, say, step, working
+from megalopta.core.quantities import number, with_error
 from megalopta.flow.detectors.base import Frames
 from megalopta.flow.detectors.blocks import BlockDetector
 from megalopta.flow.detectors.registry import Method
 from megalopta.flow.metrics.endpoint_error import DenseErrors
 from megalopta.render import Footage, open_footage
+from megalopta.report import sections
 from megalopta.scenes.stimuli.pictures import Unit
 
 PHOTONS_PER_PX: tuple[float, ...] = (1.0, 3.0, 10.0, 30.0, 100.0, 1000.0)
 SECONDS, FOREGROUND = "cpu_s", "fl_foreground_share"
 METRICS: Mapping[str, tuple[str, str, str]] = {
-    MEDIAN: ("median px", "", ""),
-    MEAN: ("mean px", "all", "epe_px"),
+    table.MEDIAN: ("median px", "", ""),
+    table.MEAN: ("mean px", "all", "epe_px"),
     "share_beyond_1_px": ("> 1 px %", "all", "over_1px_percent"),
-    FAR: ("> 3 px %", "all", "over_3px_percent"),
+    table.FAR: ("> 3 px %", "all", "over_3px_percent"),
     "share_beyond_5_px": ("> 5 px %", "all", "over_5px_percent"),
     "fl_share": ("Fl %", "all", "fl_percent"),
     "wauc_share": ("WAUC %", "all", "wauc_percent"),
@@ -56,7 +57,7 @@ METRICS: Mapping[str, tuple[str, str, str]] = {
     "mean_epe_visible_px": ("visible", "visible", "epe_px"),
     "mean_epe_occluded_px": ("occluded", "occluded", "epe_px"),
     FOREGROUND: ("Fl-fg %", "", ""),
-    NONE: ("none %", "", ""),
+    table.NONE: ("none %", "", ""),
     SECONDS: ("CPU s", "", ""),
 }
 """Head of its column, group of pixels and field of `endpoint_error.DenseError` by metric"""
@@ -65,9 +66,6 @@ FROM_OTHERS = "mean_px_from_others"
 
 UNDISTURBED = "none"
 _CASE = ["set", "unit", "group", "photons", "method", "frames"]
-
-_CLEAN_PHOTONS = 1000.0
-"""Photons per pixel of the noise-free light that the reference sees."""
 
 _Frame: TypeAlias = tuple[Footage, int]
 """Where a picture is read when needed"""
@@ -82,16 +80,12 @@ class Board:
 
     A row per set, sequence, pair (unit), disturbance (group), photons, method and its number of
     frames, and draw."""
-
-    @cached_property
-    def by_scene(self) -> pd.DataFrame:
-        """Means over draws: `by_draw` without sequence and draw."""
-        values = self.by_draw.drop(columns=["sequence", "draw"])
-        return values.groupby(_CASE, sort=False, as_index=False).mean()
+    against: str = ""
+    """Method from which `means` have differences; default: the best"""
 
     def parts(self) -> Mapping[str | None, str]:
         """Return the headings of all pairs together (None) and, if there are several, of sets."""
-        pairs = self.by_scene[["set", "unit"]].drop_duplicates()
+        pairs = self.by_draw[["set", "unit"]].drop_duplicates()
         heads = {None: f"All {len(pairs)} pairs" if len(pairs) > 1 else str(pairs["unit"].iloc[0])}
         counts = pairs["set"].value_counts(sort=False).items()
         sets = {str(name): f"{name} ({count} pairs)" for name, count in counts}
@@ -118,31 +112,21 @@ class Board:
         """
         rows = self.by_draw
         rows = rows if set_name is None else rows[rows["set"] == set_name]
-        words = {"sequence": "sequences", "unit": "pairs of one sequence", "draw": "draws"}
-        for column, plural in words.items():
+        plurals = {"sequence": "sequences", "unit": "pairs of one sequence", "draw": "draws"}
+        for column, plural in plurals.items():
             if (count := rows[column].nunique()) > 1:
                 is_few = column == "unit" or count < table.FEWEST_UNITS
                 return column, f"{'range of' if is_few else '95 % CI over'} {count} {plural}"
         return "draw", ""
 
     def means(self, set_name: str | None, flux: float) -> pd.DataFrame:
-        """Return `table.means` of a set, with low and high as `units` says, at a flux.
-
-        `above_px` is how far a mean error is above the least, `above_half_px` half its interval.
-        """
-        samples, is_range = self.samples(set_name, flux), "range" in self.units(set_name)[1]
-        rows = table.means(samples).set_index(table.CASE)
-        if is_range:
+        """Return `table.means` of a set, with low and high as `units` says, at a flux."""
+        samples = self.samples(set_name, flux)
+        rows = table.means(samples, against=self.against).set_index(table.CASE)
+        if "range" in self.units(set_name)[1]:
             values = samples.assign(value=samples["total"] / samples["blocks"])
             ends = values.groupby(table.CASE)["value"]
-            rows["low"], rows["high"] = ends.min(), ends.max()
-        for group, same in samples[samples["metric"] == MEAN].groupby("group", sort=False):
-            sums = table.by_method(same)
-            least = min(sums.values(), key=table.mean)
-            for name, of_method in sums.items():
-                gap, half = table.difference(of_method, least)
-                half = math.nan if is_range else half
-                rows.loc[(MEAN, name, flux, group), ["above_px", "above_half_px"]] = gap, half
+            rows["low"], rows["high"], rows["difference_half"] = ends.min(), ends.max(), math.nan
         return rows.reset_index()
 
 
@@ -153,6 +137,7 @@ def frame_errors(
     draws: int = 1,
     disturbances: Sequence[Disturbance] = (),
     count: int = 0,
+    against: str = "",
 ) -> Board:
     """Return the errors of methods on the same photons of all clips, means per pixel and frame.
 
@@ -163,24 +148,24 @@ def frame_errors(
     detectors = [block_detector(method) for method in methods]
     count = len(clips) if isinstance(clips, Sized) else count
     cases = list(product(range(draws), (None, *disturbances), fluxes))
-    rows = list[dict[str, Any]]()
+    rows, clips = list[dict[str, Any]](), iter(clips)
+    with step("benchmark pairs"), working("Compiling and trying the methods"):
+        for first in (first_clips := list(islice(clips, 1))):  # before time is measured
+            brightest = first.counts(max(fluxes), 0)
+            for detector in detectors:
+                check_gives_flow(detector, dense_flow(detector, first, brightest))
     with progress("Measuring flow", count * len(cases), "draw") as advance:
-        for clip in clips:
+        for clip in chain(first_clips, clips):
             for draw, disturbance, flux in cases:
-                if not rows:  # compiled before time is measured
-                    with working("Compiling and trying the methods"):
-                        for detector in detectors:
-                            brightest = clip.counts(max(fluxes), draw)
-                            check_gives_flow(detector, dense_flow(detector, clip, brightest))
                 counts = clip.counts(flux, draw, disturbance)
                 case = {"set": clip.set_name, "unit": clip.name, "photons": flux, "draw": draw}
-                case["sequence"] = clip.sequence or f"{clip.set_name} {clip.name}"
+                case["sequence"] = clip.sequence or f"{clip.set_name} {clip.name}".strip()
                 case["group"] = str(disturbance or UNDISTURBED)
                 rows += [case | errors for errors in _errors(detectors, clip, counts)]
                 advance()
     if not rows:
         raise ValueError("no pair with texture; give others")
-    return Board(pd.DataFrame(rows))
+    return Board(pd.DataFrame(rows), against)
 
 
 def _errors(
@@ -194,8 +179,8 @@ def _errors(
         row: dict[str, Any] = {SECONDS: time.process_time() - start}
         row |= {"method": detector.name, "frames": detector.memory_frames + 1}
         is_missing = np.asarray(~np.isfinite(flow).all(axis=-1))
-        row[NONE], flow[is_missing] = is_missing[known].mean(), 0
-        row[MEDIAN] = np.median(np.hypot(*(flow - clip.flow)[known].T))
+        row[table.NONE], flow[is_missing] = is_missing[known].mean(), 0
+        row[table.MEDIAN] = np.median(np.hypot(*(flow - clip.flow)[known].T))
         errors = DenseErrors()
         errors.add(flow, clip.flow, clip.hidden)
         for metric, (_, group, field) in METRICS.items():
@@ -215,28 +200,58 @@ def _errors(
 
 
 def write_board(path: Path, board: Board, stand_in: str = "") -> None:
-    """Write a row per pair, disturbance, flux and method, as CSV: means over the pair's draws.
+    """Write a row per pair, draw, disturbance, flux and method, as CSV, and charts as NAME.html.
 
-    Without truth, rows name the stand-in; else NAME-means.csv has the means over pairs, with low
-    and high, and what these are (`Board.units`).
+    Without truth, rows name the stand-in, and there are no charts; else NAME-means.csv has the
+    means over pairs, with low and high, and what these are (`Board.units`).
     """
-    columns = [*_CASE, *METRICS, *([FROM_OTHERS] if stand_in else [])]
-    rows = board.by_scene.reindex(columns=columns)
+    columns = ["sequence", "draw", *_CASE, *METRICS, *([FROM_OTHERS] if stand_in else [])]
+    rows = board.by_draw.reindex(columns=columns)
     names = {"unit": "pair", "group": "disturbance", "photons": "photons_per_px"}
     if not stand_in:
-        cases = product(board.parts().items(), board.by_draw["photons"].unique())
+        cases = product(board.parts(), board.by_draw["photons"].unique())
         means = pd.concat(
-            board.means(name, flux).assign(set=head, ends=board.units(name)[1])
-            for (name, head), flux in cases
-        ).rename(columns=names)
-        text = means.to_csv(index=False, float_format="%.6g", na_rep="nan")
+            board.means(name, flux).assign(set=name or "all", ends=board.units(name)[1])
+            for name, flux in cases
+        )
+        _write_charts(path.with_suffix(".html"), board, means[means["group"] == UNDISTURBED])
+        text = means.rename(columns=names).to_csv(index=False, float_format="%.6g", na_rep="nan")
         write_text(path.with_stem(f"{path.stem}-means"), text)
     else:
         distances = {name: name.replace("epe_", "") for name in METRICS if name != SECONDS}
         names |= {name: f"{distance}_from_stand_in" for name, distance in distances.items()}
-        rows.insert(6, "stand_in", stand_in)
+        rows.insert(8, "stand_in", stand_in)
     rows = rows.rename(columns=names)
     write_text(path, rows.to_csv(index=False, float_format="%.6g", na_rep="nan"))
+
+
+def _write_charts(path: Path, board: Board, means: pd.DataFrame) -> None:
+    parts = []
+    for set_name, head in board.parts().items():
+        rows = means[means["set"] == (set_name or "all")]
+        title = ", ".join(filter(None, (head, board.units(set_name)[1])))
+        errors = rows[rows["metric"] == table.MEAN].sort_values("value")
+        lines = [
+            (
+                row.method,
+                f"{row.photons:g}",
+                f"{number(row.value)} ({number(row.low)} to {number(row.high)})",
+                with_error(row.difference, row.difference_half, ""),
+                row.against,
+            )
+            for row in table.records(errors.sort_values("photons", kind="stable"))
+        ]
+        heads = "method", "photons per px", "mean px", "difference, px", "from"
+        charts = (
+            error_chart(of_metric, str(metric), ("photons per pixel", "", 1), title, of_metric)
+            for metric, of_metric in rows.groupby("metric", sort=False)
+            if metric in METRICS_OF_CHARTS
+        )
+        parts += [sections.heading(title), sections.table(title, heads, lines)]
+        parts.append(sections.block("pair", *charts))
+    text = f"Of all pixels with known flow; ± of differences: 95 % CI, paired. {LEGEND}"
+    page = [sections.Section("Errors", text, body=sections.block("", *parts))]
+    sections.write_sections(path, "Flow methods on pairs of pictures", "", page)
 
 
 def dense_flow(detector: BlockDetector, clip: FlowClip, counts: Frames) -> Floats:
@@ -288,7 +303,7 @@ def clips_without_truth(
     for name, (first, second) in pairs.items():
         light = np.stack([luminance(*first), luminance(*second)])
         light /= light.mean() or 1
-        flow = detector.dense(*light * _CLEAN_PHOTONS)
+        flow = detector.dense(*light * 1000.0)  # photons per pixel
         if light.min() == light.max() or not np.isfinite(flow).any():
             say(f"{name}: no contrast, or {detector.name} finds no flow; skipping the pair")
         else:

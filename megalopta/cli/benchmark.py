@@ -27,10 +27,13 @@ from megalopta.cli.stages import REDO, run_later_stage
 from megalopta.core.errors import UserError
 
 if TYPE_CHECKING:
-    from megalopta.benchmark.clips import Files
-    from megalopta.benchmark.whole_frames import Board
+    from collections.abc import Mapping
 
-_WIDTH = 170  # width of tables, on any terminal
+    from pandas import DataFrame
+
+    from megalopta.benchmark.clips import Files
+
+_WIDTH = 1000  # of lines, more than any table needs: nothing is cut off
 
 VERBS["benchmark"] = Verb("measure how well methods estimate motion, and how much light they need")
 
@@ -56,9 +59,11 @@ _PNG_SCALE = option(
     ),
     option(
         "--methods A,B",
-        "names, module:function or ONNX files; 'DIS tuned' uses settings tuned to the light"
+        "names, 'module:function', 'module:function counts' or ONNX files, by commas or blanks, as"
+        " in all lists; 'DIS √' is on roots of counts, 'DIS tuned' has settings for the light"
         " (default: all two-frame methods, tuned if possible)",
     ),
+    option("--against METHOD", "method that others are compared with (default: the best)", str, ""),
     option("--photons N,N", "mean photons per pixel and frame", numbers, "1,3,10,30,100,1000"),
     _PNG_SCALE,
     option("--pairs N", "most pairs of a set or of a video, evenly spaced", at_least(1), 20),
@@ -78,14 +83,13 @@ _PNG_SCALE = option(
     ),
     out_file("pairs.csv", "file of the errors"),
 )
-def _pairs(options: Namespace) -> Path:
+def _pairs(options: Namespace) -> Iterator[Path]:
     for name in ("reference", "unit"):
         if getattr(options, name) and not options.no_truth:
             raise UserError(f"benchmark pairs: --{name} needs --no-truth; add that, or omit it")
-    from megalopta.benchmark import whole_frames
+    from megalopta.benchmark import methods as benchmarked, whole_frames
     from megalopta.benchmark.clips import read_pair
     from megalopta.benchmark.disturbances import disturbance
-    from megalopta.benchmark.methods import block_detector, methods_and_baselines, velocity_methods
     from megalopta.core.errors import refused_as
     from megalopta.core.progress import say
     from megalopta.report.images import evenly_spaced
@@ -94,9 +98,11 @@ def _pairs(options: Namespace) -> Path:
         names = filter(None, ",".join(options.disturb or ()).split(","))
         disturbances = list(dict.fromkeys(map(disturbance, names)))
         names_of_methods = options.methods.split(",") if options.methods else ()
-        methods = velocity_methods(names_of_methods or methods_and_baselines()).values()
+        methods, against = benchmarked.with_compared(
+            names_of_methods or benchmarked.methods_and_baselines(), options.against
+        )
         if options.no_truth:
-            reference = block_detector(options.reference or "DIS")
+            reference = benchmarked.block_detector(options.reference or "DIS")
             pictures = whole_frames.pairs_without_truth(stack, options.paths, options.unit)
             pictures = dict(evenly_spaced([*pictures.items()], options.pairs))
             clips, count = whole_frames.clips_without_truth(pictures, reference), len(pictures)
@@ -108,7 +114,7 @@ def _pairs(options: Namespace) -> Path:
             clips, count = (read_pair(*pair) for pair in files), len(files)
         draws = options.draws or (5 if count == 1 else 1)
         board = whole_frames.frame_errors(
-            clips, [*methods], options.photons, draws, disturbances, count
+            clips, [*methods.values()], options.photons, draws, disturbances, count, against
         )
     over = ", mean over pairs" if count > 1 else ""
     heads = {metric: head for metric, (head, *_) in whole_frames.METRICS.items()}
@@ -122,14 +128,20 @@ def _pairs(options: Namespace) -> Path:
         heads |= {whole_frames.FROM_OTHERS: "others px"}
     else:
         whole_frames.write_board(options.out, board)
-        print(f"Errors of all pixels{over}; means by motion (px) and by occlusion:")
-    _print_tables(board, heads)
-    return Path(options.out)
+        print(f"Errors of all pixels{over}; 10–40 px: of those that move so far.")
+    for (set_name, head), flux in product(board.parts().items(), board.by_draw["photons"].unique()):
+        light = f"{head}, photons per px: {flux:g}"
+        rows = board.means(set_name, flux)
+        _print_table("\n".join(filter(None, (light, board.units(set_name)[1]))), rows, heads)
+    if not options.no_truth:
+        yield options.out.with_suffix(".html")
+    yield Path(options.out)
 
 
 def _files_of_pairs(options: Namespace) -> "Iterator[tuple[str, Files, str, str]]":
     """Yield name, files, set and sequence of the pairs to measure."""
     from megalopta.benchmark import clips
+    from megalopta.core.progress import say
     from megalopta.report.images import evenly_spaced
 
     paths, scale = options.paths, options.png_scale
@@ -137,66 +149,69 @@ def _files_of_pairs(options: Namespace) -> "Iterator[tuple[str, Files, str, str]
         name = "/".join(paths[0].resolve().with_suffix("").parts[-2:])
         yield name, (*paths[:2], clips.TrueFlow(paths[2], scale)), "", ""
         return
-    if len(paths) > 1 and not all(path.is_dir() for path in paths):
+    if any(path.is_file() for path in paths):
         raise UserError(
-            f"benchmark pairs: {len(paths)} paths; give folders, or two pictures and their flow"
-            " (without flow: --no-truth)"
+            f"benchmark pairs: {len(paths)} path{'s' * (len(paths) > 1)}, not all folders; give"
+            " folders, or two pictures and their flow (without flow: --no-truth)"
         )
     names = [path.resolve().name for path in paths]
     homes = dict[Path, Path]()
     for path, name in zip(paths, names, strict=True):
         alone = name if names.count(name) == 1 else path.as_posix()
-        for pass_name, pairs in clips.sets_below(path, scale).items():
-            for pair, files in evenly_spaced([*pairs.items()], options.pairs):
-                if (home := homes.setdefault(files[0], path)) != path:
-                    raise UserError(f"{home} and {path} both hold {files[0]}; give one of them")
-                sequence = f"{alone} {clips.sequence_of(pair)}"
-                yield pair, files, f"{alone} {pass_name}".strip(), sequence
+        (pass_name, pairs), *further = clips.sets_below(path, scale).items()
+        for same, _ in further:
+            say(f"{path}: {same} is omitted, as its pairs are the same; to measure it, name it")
+        for pair, files in evenly_spaced([*pairs.items()], options.pairs):
+            if (home := homes.setdefault(files[2].flow, path)) != path:
+                raise UserError(f"{home} and {path} both have {files[2].flow}; give one of them")
+            sequence = f"{alone} {clips.sequence_of(pair)}"
+            yield pair, files, " ".join(dict.fromkeys((alone, pass_name))).strip(), sequence
 
 
-def _print_tables(board: "Board", heads: dict[str, str]) -> None:
-    """Print a table per set and flux: a row per method, a column per metric that is known of any.
+def _print_table(head: str, means: "DataFrame", heads: "Mapping[str, str]") -> None:
+    """Print `table.means` of a light: a row per method, a column per metric that tells something.
 
-    Methods of the least mean error come first. Disturbances have a column for the mean error.
+    Methods of the least mean error come first, the bound last. Disturbances have a column for the
+    mean error.
     """
     from rich.box import SIMPLE
     from rich.console import Console
     from rich.table import Table
 
+    from megalopta.benchmark.curves import BOUND
     from megalopta.benchmark.table import MEAN, MEDIAN, records
+    from megalopta.core.quantities import UNDEFINED, number, with_error
 
-    (undisturbed, *groups), fluxes = (
-        board.by_scene[name].unique() for name in ("group", "photons")
-    )
-    console = Console(width=_WIDTH + 14 * len(groups))
-    median, mean, *others = heads.values()
-    above = "above least\nmean px"
-    columns = [median, mean, above, *others, *(f"{group}\nmean px" for group in groups)]
-    for (set_name, heading), flux in product(board.parts().items(), fluxes):
-        cells, means, spread = {}, board.means(set_name, flux), board.units(set_name)[1]
-        means = means.sort_values("above_px", kind="stable", na_position="last")
-        for row in records(means):
-            factor, digits = (100, 1) if "share" in row.metric else (1, 2)
-            ends = (factor * end for end in (row.value, row.low, row.high))
-            value, low, high = (f"{end:.{digits}f}" if end < 1e4 else f"{end:.0e}" for end in ends)
-            if row.group == undisturbed:
-                has_ends = row.metric in (MEDIAN, MEAN) and row.low == row.low
-                cell = f"{value}\n{low}…{high}" if has_ends else value
-                cells[row.method, heads.get(row.metric, "")] = cell
-                if row.metric == MEAN:
-                    half = f" ± {row.above_half_px:.2f}" * (row.above_half_px > 0)
-                    cells[row.method, above] = f"{row.above_px:.2f}{half}"
-            elif row.metric == MEAN:
-                cells[row.method, f"{row.group}\nmean px"] = value
-        table = Table(box=SIMPLE, padding=(0, 1))
-        photons = f"{flux:g} photon{'' if flux == 1 else 's'} per px"
-        table.add_column("\n".join(filter(None, (f"{heading}, {photons}", spread))), no_wrap=True)
-        known = [column for column in columns if column in {place for _, place in cells}]
-        for column in known:
-            table.add_column(column, justify="right")
-        for method in means["method"].unique():
-            table.add_row(method, *(cells.get((method, column), "–") for column in known))
-        console.print(table)
+    undisturbed, *groups = means["group"].unique()
+    disturbed = {group: f"{group}\nmean px" for group in groups}
+    columns = {name: dict[str, str]() for name in (MEDIAN, MEAN, "", *heads, *disturbed.values())}
+    for row in records(means.sort_values("value", kind="stable")):
+        scale = 100 if "share" in row.metric else 1
+        value, low, high = (number(scale * end) for end in (row.value, row.low, row.high))
+        if row.group != undisturbed:
+            if row.metric == MEAN:
+                columns[disturbed[row.group]][row.method] = value
+        elif row.metric in heads:
+            has_ends = row.metric in (MEDIAN, MEAN) and row.low == row.low
+            columns[row.metric][row.method] = value + f"\n{low} to {high}" * has_ends
+            if row.metric == MEAN:
+                heads = {**heads, "": f"mean px minus that of\n{row.against} (± 95 % CI, paired)"}
+                columns[""][row.method] = with_error(row.difference, row.difference_half, "")
+    methods = sorted(columns[MEAN], key=lambda method: method == BOUND)
+    table, shown = Table(box=SIMPLE, padding=(0, 1)), set[tuple[str, ...]]()
+    table.add_column(head, no_wrap=True)
+    cells = []
+    for name, column in columns.items():
+        values = tuple(column.get(method, UNDEFINED).partition("\n")[0] for method in methods)
+        if values not in shown and not {*values} <= {"0", UNDEFINED}:  # zero, or a repetition
+            shown.add(values)
+            table.add_column(heads.get(name, name), justify="right", no_wrap=True)
+            cells.append([column.get(method, UNDEFINED) for method in methods])
+    for method, *texts in zip(methods, *cells, strict=True):
+        if method == BOUND:
+            table.add_section()
+        table.add_row(method, *texts)
+    Console(width=_WIDTH, markup=False, emoji=False).print(table)
 
 
 @verb(
@@ -249,16 +264,18 @@ def _photons(options: Namespace) -> object:
 def _sequence(options: Namespace) -> Path:
     import pandas as pd
 
+    from megalopta.benchmark.ranking import Ranking, RankingFacts
+    from megalopta.benchmark.ranking_page import below_bound, verdict
     from megalopta.benchmark.ranking_run import run_ranking
-    from megalopta.benchmark.table import MEAN, NONE
+    from megalopta.benchmark.whole_frames import METRICS
 
     page = run_ranking(options.dataset, options.out, options.overrides)
-    rows = pd.read_csv(page.with_suffix(".csv")).query("group == 'all'")
-    for metric, head in ((MEAN, "mean endpoint error, px"), (NONE, "share without a velocity")):
-        of_metric = rows[rows["metric"] == metric]
-        if metric == MEAN or of_metric["value"].any():
-            values = of_metric.pivot(index="method", columns="photons_per_px", values="value")
-            print(f"{head}\n{values.to_string(float_format='%.3g'.__mod__)}\n")
+    facts = RankingFacts.model_validate_json(page.with_suffix(".json").read_text("utf-8"))
+    ranking = Ranking(facts, pd.read_csv(page.with_suffix(".csv")))
+    heads = {metric: head for metric, (head, *_) in METRICS.items()}
+    for flux, rows in ranking.rows.query("group == 'all'").groupby("photons"):
+        _print_table(f"{facts.unit[0]}: {facts.light(float(str(flux)))}\n95 % CI", rows, heads)
+    print("\n".join(filter(None, (verdict(ranking), below_bound(ranking)))))
     return page
 
 
@@ -290,7 +307,7 @@ def _submit(options: Namespace) -> Path:
         options.flows, options.truth, options.program, options.png_scale, options.inputs
     )
     files.write_text(options.out, scores.model_dump_json(indent=1) + "\n")
-    Console(width=_WIDTH + 40, markup=False, emoji=False).print(score_table(scores))
+    Console(width=_WIDTH, markup=False, emoji=False).print(score_table(scores))
     return Path(options.out)
 
 
@@ -338,7 +355,7 @@ def _design(options: Namespace) -> Path:
     table = Table(*table_head(designed))
     for row in designed.rows:
         table.add_row(*table_cells(designed, row))
-    Console(width=120, markup=False).print(table)
+    Console(width=_WIDTH, markup=False).print(table)
     return write_design(options.out, designed)
 
 

@@ -13,22 +13,6 @@ BENCHMARK = Path(__file__).parents[3] / "benchmarks" / "bench_flow.py"
 brute_force = runpy.run_path(str(BENCHMARK))["numpy_block_matching"]
 
 
-def moving(frames, velocity, size=60, seed=0):
-    """White noise whose content moves by (x, y) px per frame around a torus."""
-    image = np.random.default_rng(seed).integers(0, 1000, (size, size)).astype(np.uint16)
-    x, y = velocity
-    return np.stack([np.roll(image, (t * y, t * x), axis=(0, 1)) for t in range(frames)])
-
-
-@pytest.mark.parametrize("velocity", [(3, 0), (-3, 0), (0, 2), (1, -3), (0, 0)])
-def test_integer_motion_inside_the_radius_is_exact(velocity):
-    velocities = BlockMatching().respond(moving(3, velocity))
-    assert velocities.shape == (2, 10, 10, 2)
-    np.testing.assert_array_equal(
-        velocities[:, 1:-1, 1:-1], np.broadcast_to(velocity, (2, 8, 8, 2))
-    )
-
-
 @pytest.mark.parametrize("dtype", [np.uint16, np.uint32, np.int64, np.float64])
 @pytest.mark.parametrize(("mean", "block", "radius"), [(0.05, 6, 3), (1, 10, 4), (2000, 5, 7)])
 def test_noise_full_of_ties_equals_brute_force(dtype, mean, block, radius):

@@ -48,11 +48,8 @@ def test_emd_mean_is_equation_4_1(omega, phase):
 @pytest.mark.parametrize(("omega", "phase"), [*WAVES, (-0.63, 0.9), (0.92, 0.4), (-2.36, 0.196)])
 @pytest.mark.parametrize(
     ("detector", "closed_form"),
-    [
-        (NonDirectionalMultiplication(rectified=False), ndm_mean),
-        (NonDirectionalSummation(), nds_mean),
-    ],
-)
+    [(NonDirectionalMultiplication(rectified=False), ndm_mean), (NonDirectionalSummation(), nds_mean)],
+)  # fmt: skip
 def test_means_are_equations_4_2_and_the_corrected_4_3(detector, closed_form, omega, phase):
     expected = closed_form(detector.filter_step, omega, phase, CONTRAST)
     assert mean_response(detector, sinusoid(omega, phase)) == pytest.approx(expected, rel=0.01)

@@ -5,6 +5,8 @@ import pytest
 
 from megalopta.flow import METHODS, BenchmarkSettings, detector_from, photon_benchmark
 from megalopta.flow.detectors.blocks import BlockGrid, between_blocks, summed_frames
+from megalopta.flow.detectors.gray_detector import FunctionDetector
+from megalopta.flow.detectors.registry import detector_at
 
 
 def dense_inverse_search(first, second):
@@ -77,6 +79,34 @@ def test_both_sums_hold_half_of_the_frames_each():
         window = counts[: index + 2].astype(float)
         sums = np.stack((window[-2 * half : -half].sum(axis=0), window[-half:].sum(axis=0)))
         np.testing.assert_allclose(found[index], method.respond(sums)[0] / half)
+
+
+def test_a_function_of_counts_gets_them_unscaled():
+    counts = np.random.default_rng(0).poisson(4.0, (2, 30, 30)).astype(np.uint16)
+
+    class OfCounts(FunctionDetector, frozen=True):
+        takes_counts = True
+
+    expected = counts.mean(axis=(1, 2))
+    for detector in (
+        detector_from(seen, counts=True),
+        OfCounts(name="own", label="own", function=seen),
+        detector_at(f"{__name__}:seen counts"),
+    ):
+        np.testing.assert_allclose(detector.dense(*counts)[0, 0], expected)
+        np.testing.assert_allclose(detector.respond(counts, 1e-3)[0, 1, 1], expected)
+    gray, photons = (detector_from(seen, counts=each).model_dump_json() for each in (0, 1))
+    assert gray != photons  # or stored velocities would be mixed up
+
+
+def singular(first, second):
+    return np.linalg.inv(np.zeros(first.shape))
+
+
+def test_a_crash_names_the_line_of_the_function_not_of_numpy():
+    line = singular.__code__.co_firstlineno + 1
+    with pytest.raises(ValueError, match=rf"test_from_function.py:{line};"):
+        detector_from(singular).dense(*np.random.default_rng(0).poisson(4.0, (2, 30, 30)))
 
 
 def test_stretch_is_anscombes_root():

@@ -7,8 +7,6 @@ import pytest
 
 from megalopta.flow.detectors.registry import METHODS, method
 
-from ..textures import drifting_texture
-
 DETECTORS = [pytest.param(detector, id=name) for name, detector in METHODS.items()]
 VELOCITY = [name for name, detector in METHODS.items() if detector.gives == "velocity"]
 
@@ -70,29 +68,6 @@ def test_frames_too_small_too_few_or_none_are_refused(detector):
 @pytest.mark.parametrize("name", [name for name in VELOCITY if name != "BM"])
 def test_darkness_has_no_velocity(name):
     assert np.isnan(METHODS[name].respond(np.zeros((3, 60, 60), np.uint16))[:, 1:]).all()
-
-
-@pytest.mark.parametrize(
-    "name",
-    [
-        # dear, and their velocities have tests of their own
-        pytest.param(
-            name,
-            marks=[pytest.mark.slow] if name in ("TV-L1", "DualTVL1", "PC", "PF", "PPF") else [],
-        )
-        for name in METHODS
-    ],
-)
-def test_detectors_that_tell_direction_answer_with_its_sign(name):
-    detector = METHODS[name]
-    texture = drifting_texture((1.3, 0.0), frames=detector.memory_frames + 4)
-    frames = 1e4 * (1 + 0.25 * texture / texture.std()).clip(0)
-    # velocities (T, rows, columns, 2), or responses (T, H, W)
-    x_of = (lambda responses: responses[..., 0]) if detector.gives == "velocity" else np.asarray
-    right, left = (
-        np.nanmean(x_of(detector.respond(each)[-3:])) for each in (frames, frames[..., ::-1])
-    )
-    assert (right > 0 > left) == (name not in ("NDM", "NDS", "IM", "zero"))
 
 
 def test_a_function_of_a_module_in_the_working_folder(tmp_path, monkeypatch):

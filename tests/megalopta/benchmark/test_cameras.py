@@ -85,10 +85,8 @@ def test_a_small_comparison_has_a_page_and_is_kept(tmp_path):
     assert "davis346" not in verdict(summary(compared), "information")
 
     kept = {path: path.stat().st_mtime_ns for path in (out / "measured").iterdir()}
-    words = (
-        f"--out {out} --sensors {' '.join(names)} davis346 --light-levels 0.01 10 --image-mm 0.8"
-    )
-    cli.main(["benchmark", "cameras", str(root), *words.split(), "--methods", "DIS √"])
+    words = f"--out {out} --sensors {' '.join(names)} davis346 --light-levels 0.01 10".split()
+    cli.main(["benchmark", "cameras", str(root), *words, "--image-mm", "0.8", "--methods", "DIS √"])
     assert kept == {path: path.stat().st_mtime_ns for path in (out / "measured").iterdir()}
 
     (tmp_path / "color.yaml").write_text("{preset: ideal, name: color, filters: {mosaic: [W]}}")

@@ -86,10 +86,8 @@ def test_flow_is_scored_in_the_layout_of_the_truth(tmp_path, layout):
 @pytest.mark.parametrize("folder", ["clean", "final", "", "other-data", "other-data-gray"])
 def test_pictures_beside_their_flow_are_a_set_and_so_is_each_pass(tmp_path, folder):
     if folder.startswith("other"):
-        passes, flow = (
-            {"other-data": "", "other-data-gray": "gray"},
-            "other-gt-flow/Urban/flow10.flo",
-        )
+        passes = {"other-data": "", "other-data-gray": "gray"}
+        flow = "other-gt-flow/Urban/flow10.flo"
         names = "{}/Urban/frame10.png", "{}/Urban/frame11.png"
     else:
         passes, flow = {"clean": "clean", "final": "final"}, "flow/alley/frame_0001.flo"

@@ -83,6 +83,14 @@ def test_a_device_file_says_where_values_are_from(tmp_path, capsys):
     assert re.search("dark counts .* measured map", told)
     assert re.search("dead time .* preset webster-130nm", told)
     assert "160 per second" in page.read_text("utf-8")
+    np.save(tmp_path / "efficiency.npy", np.full((4, 12), 0.2))
+    device = "preset: ideal\nmeasured: {efficiency: efficiency.npy}\nname: flat\n"
+    (tmp_path / "flat.yaml").write_text(device)
+    cli.main(["sensor", str(tmp_path / "flat.yaml"), "--out", str(page)])
+    chart = page.read_text("utf-8").partition("Detection efficiency over wavelength")[2]
+    chart = chart.partition("</svg>")[0]
+    ticks = [float(tick) for tick in re.findall(r">([\d.]+)\s*<", chart)]
+    assert 15 < max(tick for tick in ticks if tick < 200) < 22
     (tmp_path / "array.yaml").write_text("preset: spcimager\nname: array\nexposure_s: 0.01\n")
     cli.main(["sensor", str(tmp_path / "array.yaml")])
     told = capsys.readouterr().out

@@ -4,8 +4,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from megalopta.benchmark.ranking import BOUND, STILL, Ranking, RankingFacts
-from megalopta.benchmark.ranking_page import caution
+from megalopta.benchmark.curves import BOUND, STILL
+from megalopta.benchmark.ranking import Ranking, RankingFacts
+from megalopta.benchmark.ranking_page import below_bound, caution
 from megalopta.benchmark.ranking_run import perfect_light, run_ranking, sequence_truth
 from megalopta.benchmark.table import MEAN
 from megalopta.cli import main as cli
@@ -45,7 +46,7 @@ def test_light_without_much_noise_gives_the_true_motion_and_the_best_method(rank
     dis = error(ranked, "DIS", 1e8)
     assert dis < 0.2 * error(ranked, STILL, 1e8)
     assert dis < error(ranked, "BM", 1e3)
-    best = ranked.best_of(1e8)
+    best = ranked.best().set_index("photons").loc[1e8]
     assert best["method"] == "DIS" and best["surely_lowest"]
 
 
@@ -53,6 +54,31 @@ def test_zero_motion_is_wrong_by_the_true_speed(ranked, grating):
     truth = sequence_truth(open_sequence(grating), METHODS["BM"].grid((60, 60)))
     expected = np.linalg.norm(truth.velocities, axis=-1)[truth.groups["all"]].mean()
     assert error(ranked, STILL, 1e3) == pytest.approx(expected)
+
+
+def test_zero_as_a_method_is_the_baseline_itself_and_pixels_are_the_unit_of_photons(
+    ranked, grating, tmp_path, capsys
+):
+    words = "--methods BM zero --against dis --photons 10 --repeats 2 --out".split()
+    cli.main(["benchmark", "sequence", str(grating), *words, str(tmp_path)])
+    facts = RankingFacts.model_validate_json((tmp_path / "ranking.json").read_text())
+    again = Ranking(facts, pd.read_csv(tmp_path / "ranking.csv"))
+    assert error(again, STILL, 36000) == pytest.approx(error(ranked, STILL, 1e3))
+    assert facts.blocks == ranked.facts.blocks
+    said = capsys.readouterr().out
+    assert "photons per pixel: 10 " in said and "DIS (± 95 % CI, paired)" in said
+    by_sequence = pd.read_csv(tmp_path / "ranking-sequences.csv").query("group == 'all'")
+    mean = by_sequence.query("metric == @MEAN and method == 'DIS'")
+    assert set(mean["sequence"]) == {facts.sequences[0]} and len(mean) > 3
+    total = (mean["value"] * mean["blocks"]).sum() / mean["blocks"].sum()
+    assert total == pytest.approx(error(again, "DIS", 36000))
+
+
+def test_methods_below_the_bound_are_named(ranked):
+    for error, told in ((9.0, ""), (0.0, "Below the Poisson bound: BM, DIS. The ")):
+        is_bound = ranked.rows["method"].isin([BOUND, STILL])
+        rows = ranked.rows.assign(value=ranked.rows["value"].where(is_bound, error))
+        assert below_bound(Ranking(ranked.facts, rows))[: len(told) or 1] == told
 
 
 def test_the_bound_falls_with_the_root_of_the_photons(ranked):
@@ -121,7 +147,6 @@ def test_lights_in_which_rendering_noise_rivals_shot_noise_are_marked(grating, t
     rows = pd.read_csv(tmp_path / "ranking.csv")
     shares = rows.groupby("photons")["rendering_noise"].first()
     np.testing.assert_allclose(shares, (0.05, 0.2), rtol=0.25)
-    told = capsys.readouterr().err
-    assert "of noise that no camera has" in told
-    assert caution(facts) in (tmp_path / "ranking.html").read_text()
-    assert "× shot noise" in (tmp_path / "ranking.html").read_text()
+    told, page = capsys.readouterr().err, (tmp_path / "ranking.html").read_text("utf-8")
+    assert "rendering noise, which no camera has" in told and "Give lower --fluxes" in told
+    assert caution(facts) in page and page.count(" *<br>") == 4  # of four tables

@@ -18,14 +18,10 @@ from megalopta.benchmark.methods import (
     tuned,
     velocity_methods,
 )
-from megalopta.benchmark.table import means
+from megalopta.benchmark.table import FAR, MEAN, MEDIAN, NONE, means
 from megalopta.benchmark.whole_frames import (
-    FAR,
     FROM_OTHERS,
-    MEAN,
-    MEDIAN,
     METRICS,
-    NONE,
     SECONDS,
     Board,
     clips_without_truth,
@@ -66,13 +62,13 @@ def test_the_truth_has_no_error_and_standstill_that_of_the_motion(clip):
     assert board.parts() == {None: "rolled"}
     motion = np.hypot(2, 1)
     for detector, error in zip(methods, (0, motion, motion), strict=True):
-        found = board.by_scene.set_index("method").loc[detector.name, list(BASIC)]
-        np.testing.assert_allclose(found, [[error, error, 0]] * 2)
+        found = board.by_draw.set_index("method").loc[detector.name, list(BASIC)]
+        np.testing.assert_allclose(found, [[error, error, 0]] * 4)
 
 
 def values(board):
     """The mean of every metric of the only method and flux, but for processor time."""
-    (row,) = board.by_scene.to_dict("records")
+    (row,) = board.by_draw.to_dict("records")
     del row[SECONDS]
     del row[NONE]
     return {name: row[name] for name in METRICS if np.isfinite(row.get(name, np.nan))}
@@ -152,10 +148,13 @@ def test_95_of_100_intervals_over_sequences_hold_the_mean_though_frames_are_alik
 def test_the_difference_from_the_best_has_students_interval_over_means_of_sequences():
     a, b = np.random.default_rng(1).lognormal(0, 0.4, (2, 6, 3))
     b += 1
-    _, row = of_sequences({"a": a, "b": b}).means(None, 3.0).itertuples()
+    board = of_sequences({"a": a, "b": b})
+    _, row = board.means(None, 3.0).itertuples()
     paired = stats.ttest_rel(b.mean(axis=1), a.mean(axis=1)).confidence_interval()
-    ends = row.above_px - row.above_half_px, row.above_px + row.above_half_px
-    assert ends == pytest.approx(tuple(paired))
+    ends = row.difference - row.difference_half, row.difference + row.difference_half
+    assert ends == pytest.approx(tuple(paired)) and row.against == "a"
+    first, _ = replace(board, against="b").means(None, 3.0).itertuples()
+    assert (first.difference, first.difference_half) == (-row.difference, row.difference_half)
 
 
 @pytest.mark.parametrize(
@@ -167,7 +166,7 @@ def test_few_sequences_and_frames_of_one_have_a_range(shape, told):
     board = of_sequences({"a": errors})
     (row,) = board.means(None, 3.0).itertuples()
     units = errors.mean(axis=1) if shape[0] > 1 else errors[0]
-    assert board.units(None)[1] == told and np.isnan(row.above_half_px)
+    assert board.units(None)[1] == told and np.isnan(row.difference_half)
     if told:
         assert (row.low, row.high) == pytest.approx((units.min(), units.max()))
 
@@ -202,7 +201,7 @@ def half_known(first, second):
 
 def test_the_share_without_flow_is_told_and_a_method_without_any_refused(clip, tmp_path, refused):
     board = frame_errors([clip], [detector_from(half_known)], (3.0,))
-    assert board.by_scene[NONE].tolist() == [0.75]
+    assert board.by_draw[NONE].tolist() == [0.75]
     for flow, told in ((np.nan, "gives no flow at any pixel"), (np.inf, "infinite flow")):
         with pytest.raises(ValueError, match=rf"\({flow}, {flow}\):? {told}"):
             frame_errors([clip], [always(flow, flow)], (3.0,))
@@ -217,22 +216,13 @@ def test_small_frames_do_for_methods_without_blocks(clip):
 
 def test_a_disturbance_is_a_further_row_with_the_same_photons_for_all(clip, tmp_path, capsys):
     middlebury(tmp_path / "data", clip)
-    words = (
-        "--methods",
-        "LK,BM",
-        "--photons",
-        1000,
-        "--disturb",
-        "ramp20,shadow",
-        "--disturb",
-        "warm",
-    )
-    rows = measured(tmp_path, tmp_path / "data", *words)
-    assert [row["disturbance"] for row in rows[::2]] == ["none", "ramp 20", "shadow 40", "warm 3"]
+    words = "--methods LK,BM --photons 1000 --disturb ramp20,shadow --disturb warm"
+    rows = measured(tmp_path, tmp_path / "data", *words.split())
+    assert [row["disturbance"] for row in rows[:8:2]] == ["none", "ramp 20", "shadow 40", "warm 3"]
     none, shadow = (float(rows[place][MEAN]) for place in (0, 4))
     assert shadow > 1.5 * none  # LK supposes constant light
     said = capsys.readouterr().out
-    assert "above least" in said and "shadow 40" in said
+    assert "mean px minus" in said and "shadow 40" in said
 
 
 def test_several_folders_are_sets_and_one_table_over_all(clip, tmp_path, capsys):
@@ -240,7 +230,24 @@ def test_several_folders_are_sets_and_one_table_over_all(clip, tmp_path, capsys)
         middlebury(tmp_path / place, clip)
     rows = measured(tmp_path, tmp_path / "one/set", tmp_path / "two/set", "--methods", "BM,LK")
     assert {row["set"] for row in rows} == {f"{tmp_path}/one/set", f"{tmp_path}/two/set"}
-    assert "All 2 pairs, 1 photon per px" in capsys.readouterr().out
+    assert "All 2 pairs, photons per px: 1 " in capsys.readouterr().out
+
+
+def test_of_two_passes_only_the_first_is_measured_and_the_other_named(
+    clip, tmp_path, capsys, refused
+):
+    for name in ("clean", "final"):
+        write_pictures(tmp_path / name / "alley", ("frame_0001.png", "frame_0002.png"), clip)
+    (tmp_path / "flow/alley").mkdir(parents=True)
+    write_flo(tmp_path / "flow/alley/frame_0001.flo", clip.flow.astype(np.float32))
+    words = ("--methods", "LK", "--photons", 100, "--draws", 1, "--against", "zero")
+    (row, zero) = measured(tmp_path, tmp_path, *words)
+    assert row["set"].endswith("clean") and zero["method"] == "zero"
+    told = capsys.readouterr()
+    assert "final is omitted" in told.err and "zero (± 95 % CI, paired)" in told.out
+    (row,) = measured(tmp_path, tmp_path / "final", *words[:-2])
+    assert row["set"] == "final"
+    assert "both have" in refused("benchmark", "pairs", tmp_path, tmp_path / "final")
 
 
 def test_methods_and_baselines_of_a_board_do_with_two_frames():
@@ -294,34 +301,40 @@ def measured(folder, *words):
 def test_a_folder_becomes_a_table_of_error_against_flux(clip, tmp_path, capsys):
     middlebury(tmp_path / "data", clip)
     rows = measured(tmp_path, tmp_path / "data", "--methods", "BM,LK", "--photons", "1,1000")
-    cases = [(row["method"], row["photons_per_px"]) for row in rows]
-    assert cases == [("BM", "1"), ("LK", "1"), ("BM", "1000"), ("LK", "1000")]
-    assert list(rows[0])[6:] == list(METRICS)
+    cases = [(row["method"], row["photons_per_px"], row["draw"]) for row in rows]
+    assert cases == [
+        (method, flux, draw)
+        for draw in "01234"
+        for flux in ("1", "1000")
+        for method in ("BM", "LK")
+    ]
+    assert list(rows[0])[8:] == list(METRICS)
     assert float(rows[3]["mean_epe_px"]) < 0.05
     assert float(rows[0]["mean_epe_px"]) > 0
     of_mean = pd.read_csv(tmp_path / "errors-means.csv").query("metric == @MEAN and method == 'LK'")
     assert of_mean["photons_per_px"].tolist() == [1, 1000]
     assert (of_mean["low"] < of_mean["value"]).all() and (of_mean["value"] < of_mean["high"]).all()
     said = capsys.readouterr().out
-    assert "other-gt-flow/Venus/flow10, 1 photon per px" in said and "95 % CI over 5 draws" in said
-    assert "BM" in said and "1000 photons" in said and "WAUC" in said and "none %" in said
+    assert "other-gt-flow/Venus/flow10, photons per px: 1 " in said and "95 % CI over 5" in said
+    assert "BM" in said and "px: 1000" in said and "WAUC" in said
+    assert "none %" not in said and "0–10 px" not in said  # all zero, or the mean once more
+    assert "95 % CI over 5 draws" in (tmp_path / "errors.html").read_text("utf-8")
 
 
 @pytest.mark.parametrize(
     ("words", "told"),
     [
-        (["{picture}", "{truth}"], "2 paths; give folders"),
-        (["{root}", "{root}/other-data"], "both hold"),
+        (["{picture}", "{truth}"], "2 paths, not all folders; give folders"),
+        (["{picture}"], "1 path, not all folders; give folders"),
+        (["{root}", "--against", "DeepFlwo"], "did you mean 'DeepFlow'?"),
+        (["{root}", "{root}/other-data"], "both have"),
         (["{root}", "--disturb", "fog"], "disturbance 'fog' is unknown; choose from ramp 20, "),
         (["{root}", "--methods", "NDS"], "NDS measures no velocity"),
         (["{root}", "--methods", "PPM"], "has 2 frames; PPM needs 8"),
         (["{picture}", "{small}", "{truth}"], "give pictures and flow of one size"),
         (["{picture}", "{picture}", "none.flo"], "none.flo cannot be read (no such file or dir"),
         (["{picture}", "--no-truth"], "1 paths, 1 frames in all"),
-        (
-            ["{picture}", "{picture}", "{picture}", "--no-truth"],
-            "3 paths, 3 frames in all; without truth",
-        ),
+        (["{picture}"] * 3 + ["--no-truth"], "3 paths, 3 frames in all; without truth"),
         (["{root}", "--reference", "LK"], "--reference needs --no-truth"),
         (["{picture}", "{small}", "--no-truth"], "have 120 × 96 and 30 × 20 px"),
     ],
@@ -366,31 +379,27 @@ def stays(first, second):
     return np.zeros((*first.shape, 2))
 
 
-def says_nothing(first, second):
-    return half_known(first, second)
-
-
 def test_distances_from_the_stand_in_and_from_the_median_of_the_others(folder):
-    methods = list(map(detector_from, (moves, stays, says_nothing)))
+    methods = list(map(detector_from, (moves, stays, half_known)))
     with ExitStack() as stack:
         pairs = pairs_without_truth(stack, [folder])
         clips = clips_without_truth(pairs, detector_from(moves))
         board = frame_errors(clips, methods, (3.0, 10.0), 2)
-    assert list(board.by_scene["unit"].unique()) == ["walk 0", "walk 1", "walk 2"]
+    assert list(board.by_draw["unit"].unique()) == ["walk 0", "walk 1", "walk 2"]
     length = np.hypot(*MOTION)
     expected = {"moves": (0, length)}
-    expected |= dict.fromkeys(("stays", "says_nothing"), (length, length / 2))
-    by_scene = board.by_scene[board.by_scene["photons"] == 10].set_index("method")
+    expected |= dict.fromkeys(("stays", "half_known"), (length, length / 2))
+    by_draw = board.by_draw[board.by_draw["photons"] == 10].set_index("method")
     for method, both in expected.items():
-        found = by_scene.loc[method, [MEAN, FROM_OTHERS]]
-        np.testing.assert_allclose(found, [both] * 3, atol=1e-6)
+        found = by_draw.loc[method, [MEAN, FROM_OTHERS]]
+        np.testing.assert_allclose(found, [both] * 6, atol=1e-6)
 
 
 def test_pictures_become_tables_that_say_what_they_are(folder, tmp_path, capsys):
     words = (folder, "--no-truth", "--pairs", 2, "--methods", "DIS,BM,LK", "--photons", "1,1000")
     rows = measured(tmp_path, *words)
     assert [row["pair"] for row in rows[::6]] == ["walk 0", "walk 2"]
-    assert list(rows[0])[7:] == [
+    assert list(rows[0])[9:] == [
         *(name.replace("epe_", "") + "_from_stand_in" for name in METRICS if name != SECONDS),
         *(SECONDS, FROM_OTHERS),
     ]
@@ -406,7 +415,7 @@ def test_pictures_become_tables_that_say_what_they_are(folder, tmp_path, capsys)
     assert (dark > 3 * bright)[["DIS", "LK"]].all()
     said = capsys.readouterr().out
     assert "NO TRUE FLOW: these are distances, not errors" in said
-    assert "All 2 pairs, 1 photon " in said and "range of 2 pairs of one sequence" in said
+    assert "All 2 pairs, photons per px: 1 " in said and "range of 2 pairs of one sequence" in said
 
 
 def test_pairs_without_contrast_are_left_out(folder, capsys):
@@ -415,7 +424,7 @@ def test_pairs_without_contrast_are_left_out(folder, capsys):
     with ExitStack() as stack:
         pairs = pairs_without_truth(stack, [folder])
         board = frame_errors(clips_without_truth(pairs, "DIS"), ["BM"], (1000.0,))
-        assert list(board.by_scene["unit"].unique()) == ["walk 1", "walk 2"]
+        assert list(board.by_draw["unit"].unique()) == ["walk 1", "walk 2"]
         assert "walk 0: no contrast" in capsys.readouterr().err
         with pytest.raises(ValueError, match="no pair with texture"):
             frame_errors(clips_without_truth({"walk 0": pairs["walk 0"]}, "DIS"), ["BM"])
