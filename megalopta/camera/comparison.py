@@ -24,7 +24,7 @@ from megalopta.sensor import (
     changed,
     compare_recordings,
     load_sensor,
-)  # fmt: skip
+)
 from megalopta.sensor.calibrate.level import Level
 from megalopta.sensor.compare.model import Model, level_of_codes, one_by_one
 from megalopta.sensor.compare.recordings import MARGIN, Comparison, compare_levels, rate_errors
@@ -101,8 +101,9 @@ def compare_captured(
             cycle, scene = rendered(sensor, dataset, lux or None), replace(captured[0], light_hz=1)
             page = pages.scene_page(dataset.name, *_compare_scene(scene, cycle, sensor, settings))
     title, sentence, sections = page
-    write_sections(out, title, sentence + note, sections)
-    return sentence + note
+    sentence = "".join([sentence, note, *(source.contradictions for source in sources)])
+    write_sections(out, title, sentence, sections)
+    return sentence
 
 
 def captured_frames(recorded: RecordingFrames, device: Sensor, light_hz: float) -> Level:

@@ -13,45 +13,33 @@ from megalopta.core.arrays import Floats
 from megalopta.core.quantities import number, short, with_error
 from megalopta.report import style
 from megalopta.report.sections import Section, block, captioned, folded, heading, paragraph, table
-from megalopta.report.style import BLACK, BLUE, VERMILION
 from megalopta.sensor.calibrate.level import Level
 from megalopta.sensor.compare.causes import REFUTED
 from megalopta.sensor.compare.recordings import FALSE_ALARMS, Comparison, agreement
-from megalopta.sensor.compare.two_sample import Difference
+from megalopta.sensor.compare.two_sample import Difference, Sample
 
 Levels = Sequence[Level]
 
 _LARGEST_Z, _MOST = (-6.0, 6.0), 3.0
 """Largest standard errors, and relative differences, that charts show"""
 _GUIDE = (
-    "Captured over simulated, less one, with 95 % CI. Gray: too small to matter. A parameter near "
-    "zero is compared with a typical size, which the table names."
+    "95 % CI. Gray: too small to matter; beyond it, the axis is logarithmic. “of”: a typical size."
 )
-_TESTS = (
-    "False discovery rate by Benjamini and Hochberg. Errors are those of counting and calibration: "
-    "pale grain is chance. Gray pixels are saturated, or have too few counts."
-)
-_TRANSFER = (
-    "Photon transfer, a point per pixel and level. Coincident clouds have the same step and "
-    "noise; a higher one has a larger step or more crosstalk."
-)
-_DARK = (
-    "Distribution of dark counts over pixels. A horizontal shift is a difference in temperature "
-    "or excess bias; a difference at the end only is one of hot pixels."
-)
+_TESTS = "False discovery rate (Benjamini-Hochberg). Gray: named, saturated, or of too few counts."
+_TRANSFER = "A point per pixel and level. A higher cloud has a larger step or more crosstalk."
+_DARK = "A shift to the right is warmer, or of more bias; a difference at the end is of hot pixels."
 _LEFT = (
     "No known cause explains this. A pattern in the map is one of rows, columns or light; a course "
     "or a line in time is one of the light, the clock or the readout."
 )
 _SPECTRUM = (
-    "1: frames that are independent. A line is periodic; a rise to the left is slow, as lag, "
-    "telegraph noise or a drift of single pixels."
+    "1: independent frames. A line is periodic; a rise to the left is slow, as lag or traps."
 )
 _MOST_POINTS = 2000
 """Most points in a picture; of a larger array, evenly spaced pixels."""
 _STYLES: tuple[dict[str, Any], ...] = (
-    {"label": "captured", "color": BLUE, "marker": "o"},
-    {"label": "simulated", "color": VERMILION, "marker": "x"},
+    {"label": "captured", "color": style.BLUE, "marker": "."},
+    {"label": "simulated", "color": style.VERMILION, "marker": "x", "linestyle": "--"},
 )
 
 
@@ -76,9 +64,16 @@ def levels_page(name: str, comparison: Comparison) -> Page:
     sets = [
         f"{' and '.join(causes.names)} (goodness of fit: p = {causes.p:.2g})" for causes in accepted
     ]
-    explanation = f"The difference is explained by {', or else by '.join(sets)}." if sets else ""
+    faults, explanation = "; ".join(map(str, comparison.faults)), ""
+    if sets:
+        what = "The rest" if faults else "The difference"
+        explanation = f"{what} is explained by {', or else by '.join(sets)}. "
     if accepted and accepted[0].p < REFUTED:
-        explanation += " A small p: something weaker is left, which no known cause explains."
+        explanation += "A small p: something weaker is left, which no known cause explains. "
+    explanation = (
+        f"{f'Found first, and taken out: {faults}. ' if faults else ''}{explanation}The image is "
+        f"{order.name}: the rank correlation of the two patterns is {order.correlation:.3f}."
+    )
     device = _differences(
         "The device",
         explanation,
@@ -89,19 +84,13 @@ def levels_page(name: str, comparison: Comparison) -> Page:
         "one-sided tests at 95 %).",
         *(comparison.differences, comparison.significant, comparison.margin),
     )
-    names = "; ".join(map(str, comparison.faults)) or "none"
-    faults = Section(
-        "Faults of the recording",
-        f"Found: {names}. The image is {order.name}: rank correlation of the two patterns "
-        f"{order.correlation:.3f}. Faults are found before any parameter is fitted, and taken out.",
-    )
     lights = [
         "Dark" if level.is_dark else f"{short(level.light_hz)} photons/s per pixel"
         for level in comparison.captured
     ]
     title = f"{name}: captured and simulated"
     left = [_left(comparison)] if comparison.left else []
-    return title, comparison.sentence, [*left, device, *_pixels(comparison, lights), faults]
+    return title, comparison.sentence, [*left, device, *_pixels(comparison, lights)]
 
 
 def _left(comparison: Comparison) -> Section:
@@ -110,15 +99,10 @@ def _left(comparison: Comparison) -> Section:
     rows = [(largest.name, str(largest.level), f"{largest.z:.0f}") for largest in left]
     lights = [(level.light_hz, level.exposure_s) for level in comparison.captured]
     at = lights.index((left[0].level.light_hz, left[0].level.exposure_s))
-    captured, simulated = comparison.captured[at], comparison.expected[at]
-    maps = [np.asarray(level.signal.mean(axis=0)) for level in (captured, simulated)]
-    spread = np.sqrt(
-        sum(
-            np.asarray(level.signal.var(axis=0)) / len(level.signal)
-            for level in (captured, simulated)
-        )
-    )
-    z = (maps[0] - maps[1]) / np.maximum(spread, 1e-9)
+    captured, simulated = comparison.compared[at]
+    first, second = Sample.of(captured.signal), Sample.of(simulated.signal)
+    spread = np.sqrt(first.variance / first.frames + second.variance / second.frames)
+    z = (first.mean - second.mean) / np.maximum(spread, 1e-9)
     title = "mean, captured minus simulated (standard errors)"
     charts = (
         captioned(style.map_chart(z, "left-map", title, _LARGEST_Z, "PuOr"), f"At {captured}."),
@@ -216,13 +200,17 @@ def _difference_chart(
     """Draw relative differences with their intervals, a line per quantity."""
     figure, axes = style.new_axes(440, 60 + 26 * len(differences))
     axes.axvspan(-100 * margin, 100 * margin, color=style.GRAY, alpha=0.2, linewidth=0)
-    axes.axvline(0, color=BLACK, linewidth=0.5)
+    axes.axvline(0, color=style.BLACK, linewidth=0.5)
     for place, change in enumerate(differences):
-        color = VERMILION if change in significant else BLUE
+        color = style.VERMILION if change in significant else style.BLUE
         size, *ends = np.clip([change.relative, change.low, change.high], -_MOST, _MOST) * 100
-        axes.plot(ends, (place, place), color=color, linewidth=1.5)
-        axes.plot(size, place, marker="o", color=color, markersize=4)
-    axes.set_yticks(range(len(differences)), [change.name for change in differences])
+        axes.plot(ends, (place, place), color=color, linewidth=1.5, marker="|", markersize=9)
+        axes.plot(size, place, marker="o", color=color, markersize=3)
+    names = [
+        f"{one.name} {one.relative_text}{one.base}" if one.high - one.low < 20 else one.name
+        for one in differences
+    ]
+    axes.set_yticks(range(len(differences)), names)
     axes.set(ylim=(len(differences) - 0.5, -0.5), xlabel="captured more than simulated (%)")
     axes.set_xscale("symlog", linthresh=100 * margin, linscale=2)
     axes.set_xlim(-100 * _MOST, 100 * _MOST)
@@ -233,22 +221,20 @@ def _difference_chart(
 
 def _pixels(comparison: Comparison, lights: Sequence[str]) -> Iterator[Section]:
     """Yield sections on the differences of pixels, level by level, titled by their lights."""
-    captured, simulated, accepted = comparison.captured, comparison.expected, ""
-    if comparison.explained.accepted:
-        names = " and ".join(comparison.explained.accepted[0].names)
-        accepted = (
-            f"Frames were simulated again with the fitted {names}: standard errors and tests are "
-            "of what still differs. Other maps and curves show the device as calibrated."
-        )
+    captured, simulated = comparison.captured, comparison.expected
+    means, variances = (comparison.tests[name] for name in ("mean", "variance"))
+    text = "Maps and tests are of frames without what the first sentence names: faults are taken "
+    text += "out, and the fitted device is simulated again. Charts above show it as calibrated."
+    if not (comparison.faults or comparison.explained.accepted) or np.isnan(means.p).all():
+        text = ""
     curves = [captioned(_transfer_chart(captured, simulated), _TRANSFER)]
     dark = [pair for pair in zip(captured, simulated, strict=True) if pair[0].is_dark]
     if dark:
         longest = max(dark, key=lambda pair: pair[0].exposure_s)
         curves.append(captioned(_dark_chart(*longest), _DARK))
     yield Section("Distributions", charts=tuple(curves))
-    means, variances = (comparison.tests[name] for name in ("mean", "variance"))
     parts = []
-    for place, levels in enumerate(zip(captured, simulated, strict=True)):
+    for place, levels in enumerate(comparison.compared):
         p, maps = means.p[place], [level.readings.mean(axis=0) for level in levels]
         limits, charts = style.color_limits(*maps), []
         for values, label in zip(maps, ("captured", "simulated"), strict=True):
@@ -260,27 +246,25 @@ def _pixels(comparison: Comparison, lights: Sequence[str]) -> Iterator[Section]:
         parts += [
             heading(f"{lights[place]}, {with_error(levels[0].exposure_s, 0, 's')}"),
             paragraph(
-                f"Of {np.isfinite(p).sum()} pixels {means.differs[place].sum()} differ in the "
+                f"Of {many} pixels {means.differs[place].sum()} differ in the "
                 f"mean, {variances.differs[place].sum()} in the variance."
+                if (many := np.isfinite(p).sum())
+                else "Pixels are tested once what is named is mended."
             ),
             block("charts", *charts),
         ]
-    alarms = paragraph(f"Alarms: {'; '.join(comparison.alarms) or 'none'}.")
-    yield Section(
-        "Pixels", accepted, body=Markup("\n").join([*parts, alarms, paragraph(_TESTS, "note")])
-    )
+    yield Section("Pixels", text, body=Markup("\n").join([*parts, paragraph(_TESTS, "note")]))
 
 
 @style.in_style
 def _transfer_chart(captured: Levels, simulated: Levels) -> Markup:
-    """Draw variance of pixels over their mean."""
     figure, axes = style.new_axes(*style.CHART_PT)
-    for levels, line in zip((captured, simulated), _STYLES, strict=True):
+    for levels, line in zip((simulated, captured), _STYLES[::-1], strict=True):
         for place, level in enumerate(levels):
-            shown = _thinned(level.readings.reshape(len(level.readings), -1).T)
-            look = line | {"label": "" if place else line["label"]}
+            shown = _thinned(level.readings.reshape(len(level.readings), -1).T, 400)
+            look = line | {"label": "" if place else line["label"], "alpha": 0.5}
             moments = shown.mean(axis=1), shown.var(axis=1)
-            axes.plot(*moments, markersize=2.5, linewidth=0, rasterized=True, **look)
+            axes.plot(*moments, markersize=3, linewidth=0, rasterized=True, **look)
     axes.set(xlabel="mean counts", ylabel="variance (counts²)")
     if max(level.readings.max() for level in captured) > 1:
         axes.set(xscale="symlog", yscale="symlog")
@@ -328,11 +312,11 @@ def _response_chart(responses: Sequence[SpeedResponse], method: str) -> Markup:
         peaks = [getattr(response, side) for response in shown]
         means, spreads = [values.mean() for values in peaks], [v.std(ddof=1) for v in peaks]
         axes.errorbar(speeds, means, spreads, capsize=3, markersize=4, **line)
-    axes.axhline(0, color=BLACK, linewidth=0.5)
+    axes.axhline(0, color=style.BLACK, linewidth=0.5)
     unit = shown[0].difference.unit
     axes.set(xlabel="speed (mm/s)", ylabel=f"peak response ({unit})", title=method)
     return style.with_legend(figure, f"response-{method}", f"Transfer function of {method}")
 
 
-def _thinned(values: NDArray[Any]) -> NDArray[Any]:
-    return values[:: max(1, len(values) // _MOST_POINTS)]
+def _thinned(values: NDArray[Any], most: int = _MOST_POINTS) -> NDArray[Any]:
+    return values[:: max(1, len(values) // most)]

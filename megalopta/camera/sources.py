@@ -1,16 +1,9 @@
 """Recordings to calibrate from or to compare, as named on the command line or in a list.
 
-A recording is named RECORDING, RECORDING@LIGHT or RECORDING@LIGHT:EXPOSURE_S, or is one of a folder
-of recordings. A list is YAML, with paths relative to it:
-
-    recordings:
-      - {path: dark.npy, exposure_s: 1.0e-3}
-      - {path: flat, exposure_s: 1.0e-5, light: 2.0e7, format: swissspad2, frames: [0, 1000]}
-      - {path: 8-bit.npy, exposure_s: 1.0e-5, light: 2.0e7, sums: 255}
-
-`recording.yaml` in the folder of a recording, or next to it, has the same keys without `path`. What
-is not stated there is taken from the file's header, else from the names of the recording, of its
-first file and of its folder (`megalopta.sensor.formats.conditions`).
+A recording is named RECORDING, RECORDING@LIGHT or RECORDING@LIGHT:EXPOSURE_S, is one of a folder
+or of a YAML list (`docs/how-to/calibrate.md`). Its `recording.yaml` has the keys of a list without
+`path`. What is not stated there is taken from the file's header, else from the names of the
+recording, of its first file and of its folder (`megalopta.sensor.formats.conditions`).
 """
 
 import math
@@ -46,9 +39,7 @@ from megalopta.sensor.formats.recorded_frames import (
     Values,
     parts_in,
 )
-
-_PLANCK_TIMES_C = 1.98644586e-25
-"""J·m"""
+from megalopta.sensor.optics import PLANCK_TIMES_LIGHT_SPEED
 
 
 class Statement(Record, frozen=True):
@@ -78,13 +69,21 @@ class Source(Statement, frozen=True):
 
     path: Path
     """File or folder."""
+    _contradictions: str = ""
+
+    @property
+    def contradictions(self) -> str:
+        """Sentences on statements that contradict those that are taken."""
+        return self._contradictions
 
     def read(self, frames: slice, shape: tuple[int, int] | None = None) -> RecordedFrames:
         """Read consecutive frames; as `read_frames`."""
         if is_recording(self.path):
-            own = open_recording(self.path)
-            stated = {"exposure_s": own.exposure_s} | ({"light": 0.0} if own.kind == "dark" else {})
-            stack = Stack("SPADCAM", len(own), 512, own.counts.__getitem__, 16, stated)
+            recording = open_recording(self.path)
+            stated = {"exposure_s": recording.exposure_s} | (
+                {"light": 0.0} if recording.kind == "dark" else {}
+            )
+            stack = Stack("SPADCAM", len(recording), 512, recording.counts.__getitem__, 16, stated)
             return stack.frames(self.path, frames)
         return read_frames(
             self.path, self.format, shape=shape, frames=frames, values=self.values,
@@ -101,7 +100,7 @@ def named_sources(words: Sequence[str], kind: FrameKind | None = None) -> list[S
     """Return the recordings of RECORDING@LIGHT:EXPOSURE_S, of folders, or of one .yaml list.
 
     A line says what each is, and where its exposure and light are from. `kind` is the format of
-    those in words. Raises UserError, also if an exposure, or the light of one in a folder, is
+    those named. Raises UserError, also if an exposure, or the light of one in a folder, is
     unknown.
     """
     named, inside = list[Source](), set[Path]()
@@ -111,20 +110,12 @@ def named_sources(words: Sequence[str], kind: FrameKind | None = None) -> list[S
         named = [entry.model_copy(update={"path": path.parent / entry.path}) for entry in listed]
         words = ()
     for word in words:
-        name, at, numbers = word.partition("@")
-        if not at and ":" in Path(name).name and not Path(name).exists():
-            raise UserError(f"{word!r}: give RECORDING@LIGHT:EXPOSURE_S, in the dark @0:EXPOSURE_S")
-        light, _, exposure_s = numbers.partition(":")
-        fields: dict[str, Any] = {"format": kind}
-        try:
-            fields |= {"light": float(light)} if light else {}
-            fields |= {"exposure_s": float(exposure_s)} if exposure_s else {}
-        except ValueError:
-            raise UserError(f"{word!r}: give RECORDING@LIGHT:SECONDS, such as @2e7:1e-5") from None
+        source = named_source(word, kind)
         with refused_as(repr(word)):
-            paths = [] if at else recordings_in(Path(name))
-            inside.update(paths)
-            named += [checked(Source, fields | {"path": path}) for path in paths or [Path(name)]]
+            is_alone = source.model_fields_set & {"light", "exposure_s"}
+            paths = [] if is_alone else recordings_in(source.path)
+        inside.update(paths)
+        named += [source.model_copy(update={"path": path}) for path in paths or [source.path]]
     known = [look_at(source) for source in named]
     are_bits, sources = all(first.values == "bits" for _, first, _ in known), []
     for source, first, conditions in known:
@@ -135,13 +126,32 @@ def named_sources(words: Sequence[str], kind: FrameKind | None = None) -> list[S
         rows, columns = first.counts.shape[1:3]
         size = f"{first.total} frames × {rows} rows × {columns} columns"
         say(f"{path.name}: {first.source}, {size}, {values} ({basis}); {conditions}")
-        how = f"give {path}@LIGHT:SECONDS, state it in a list or its {SETTINGS}, or name it such as"
+        how = (
+            f"give {path}@LIGHT:SECONDS (dark: @0:SECONDS), state it in a list or its {SETTINGS}, "
+        )
+        how += "or name it such as"
         if not source.exposure_s:
             raise UserError(f"{path}: exposure is unknown; {how} {path.stem}_10us")
         if path in inside and "light" not in source.model_fields_set:
             raise UserError(f"{path}: light is unknown; {how} dark_10us or flat_2e7_10us")
         sources.append(source)
     return sources
+
+
+def named_source(word: str, kind: FrameKind | None = None) -> Source:
+    """Return what RECORDING@LIGHT:SECONDS, or the path of a recording, names. Raises UserError."""
+    name, at, numbers = (word, "", "") if Path(word).exists() else word.partition("@")
+    if not at and ":" in Path(name).name and not Path(name).exists():
+        raise UserError(f"{word!r}: give RECORDING@LIGHT:SECONDS, in the dark @0:SECONDS")
+    light, _, exposure_s = numbers.partition(":")
+    fields: dict[str, Any] = {"format": kind, "path": Path(name)}
+    try:
+        fields |= {"light": float(light)} if light else {}
+        fields |= {"exposure_s": float(exposure_s)} if exposure_s else {}
+    except ValueError:
+        raise UserError(f"{word!r}: give RECORDING@LIGHT:SECONDS, such as @2e7:1e-5") from None
+    with refused_as(repr(word)):
+        return checked(Source, fields)
 
 
 _PARTS = (".png", ".tif", ".tiff", ".bin", ".raw")
@@ -216,16 +226,17 @@ def look_at(source: Source) -> tuple[Source, RecordedFrames, str]:
             former, value = stated[quantity], statements[origin][quantity]
             if not math.isclose(former, value, rel_tol=0.01):
                 contradiction = f"{quantity} {former:g} ({place}) contradicts {value:g} ({origin})"
+                source._contradictions += f" {path.name}: {contradiction}, which is taken."
                 say(f"{path}: {contradiction}, which is taken")
-    taken = {quantity: statements[origin][quantity] for quantity, origin in origins.items()}
-    exposure_s, light = taken.get("exposure_s"), taken.get("light")
+    chosen = {quantity: statements[origin][quantity] for quantity, origin in origins.items()}
+    exposure_s, light = chosen.get("exposure_s"), chosen.get("light")
     of_sum = f"each a sum of {source.sums} binary frames; of one, " if source.sums else ""
     conditions = (
         f"{of_sum}exposure {with_error(exposure_s, math.nan, 's') if exposure_s else 'unknown'} "
         f"({origins.get('exposure_s', 'not stated')}), "
         f"{f'light {light:.4g}' if light else 'dark'} ({origins.get('light', 'not stated')})"
     )
-    return source.model_copy(update=taken), first, conditions
+    return source.model_copy(update=chosen), first, conditions
 
 
 @dataclass(frozen=True)
@@ -248,13 +259,21 @@ class Beam:
             return light
         first, last = curve.wavelengths_nm[0], curve.wavelengths_nm[-1]
         if not (first <= nm <= last and curve(np.array(nm)) > 0):
+            meant = [f", such as {nm * by:g}" for by in (1e3, 1e9) if first <= nm * by <= last]
             raise ValueError(
-                f"--wavelength-nm {nm:g}: sensor {sensor.name!r} has no efficiency there, only "
-                f"within {first:g} to {last:g} nm; give the wavelength of the light"
+                f"--wavelength-nm {nm:g}: the device's efficiency is known from {first:g} to "
+                f"{last:g} nm; give the wavelength of the light in nanometers{''.join(meant)}"
             )
         if self.area_mm2 is None:
             return light
-        return light * nm * 1e-9 / _PLANCK_TIMES_C * sensor.pitch_m**2 / (self.area_mm2 * 1e-6)
+        return (
+            light
+            * nm
+            * 1e-9
+            / PLANCK_TIMES_LIGHT_SPEED
+            * sensor.pitch_m**2
+            / (self.area_mm2 * 1e-6)
+        )
 
 
 @dataclass(frozen=True, eq=False)

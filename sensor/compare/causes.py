@@ -12,7 +12,7 @@ calibration and common fluctuations are added.
 
 **Choice.** A difference is stated where its chance is below `FALSE_ALARMS` even if the model errs
 by `_ERRORS`. The fewest causes, at most two, whose χ² has a chance above `REFUTED` explain it, and
-those of as many that do nearly as well are told. Predicted changes are allowed an error of
+those of as many that do nearly as well are stated. Predicted changes are allowed an error of
 `MODEL_ERROR`, those of covariances, which are first-order, of three times as much.
 """
 
@@ -135,16 +135,18 @@ class Cause(NamedTuple):
 
 def _causes_of(levels: Sequence[Residual]) -> tuple[Cause, ...]:
     """Parameters that levels may show, with their values."""
-    model = levels[0].model
+    model, good = levels[0].model, next(level.good for level in levels if level.good.any())
     sensor, counter = model.sensor, model.sensor.counter
-    dark_hz = model.dark_hz(next(level.good for level in levels if level.good.any()))
+    dark_hz, mean = model.dark_hz(good), "mean of pixels"
+    if many := int((~good).sum()):
+        mean = f"mean of {good.sum()} pixels, without {many} that are named or saturated"
     leak_hz = max(dark_hz, 1.0)
     dead_s, carriers = sensor.dead_time.dead_time_s, sensor.afterpulsing.mean_carriers
     neighbors = sensor.crosstalk.mean_fired_neighbors
     # frames do not show the delay, which is assumed
     per_event = f"carriers per event at a delay of {1e6 * model.delay_s:.3g} µs"
     causes = [
-        Cause("dark counts", "Hz, mean of pixels", dark_hz),
+        Cause("dark counts", f"Hz, {mean}", dark_hz),
         Cause("dead time", "s", dead_s, 1e-9, -dead_s, 0.1 * max(dead_s, 1e-7)),
         Cause("afterpulsing", per_event, carriers, 0.02, -carriers, 0.05),
         Cause("crosstalk", "neighbors per event", neighbors, 0.02, -neighbors, 0.02),
@@ -159,9 +161,7 @@ def _causes_of(levels: Sequence[Residual]) -> tuple[Cause, ...]:
         if level.good.any() and level.expected.light_hz
     ]
     if any(level.expected.light_hz for level in levels):
-        causes.insert(
-            1, Cause("efficiency", "events per photon, mean of pixels", (*efficiencies, 0.0)[0])
-        )
+        causes.insert(1, Cause("efficiency", f"events per photon, {mean}", (*efficiencies, 0.0)[0]))
     if isinstance(counter, AnalogCounter) and levels[0].expected.codes is not None:
         # with rounding by the ADC
         noise = float(np.hypot(counter.read_noise_v, counter.lsb_v / 12**0.5) / counter.step_v)
@@ -203,9 +203,12 @@ class Causes:
 
 
 def find_causes(
-    levels: Sequence[Residual], *, margin: float, calibration: dict[str, float],
+    levels: Sequence[Residual],
+    *,
+    margin: float,
+    calibration: dict[str, float],
     is_left: bool = False,
-) -> Causes:  # fmt: skip
+) -> Causes:
     """Find what parameters of a device explain how captured and expected levels differ.
 
     Sizes are fitted to every other block of frames. Each explanation is then simulated, and is one
@@ -215,7 +218,8 @@ def find_causes(
     """
     if not any(level.good.sum() > 1 for level in levels):
         return Causes(is_unexplained=is_left)
-    search = _Search.of(levels, calibration)
+    search, has_step = _Search.of(levels, calibration), levels[0].model.volts_per_count > 0
+    candidates = [cause for cause in search.causes if has_step or cause.name != "step"]
     fit = search.fit([level.captured for level in levels])
     p, p_forgiven = fit.explained((), is_exact=True).p, fit.explained(()).p
     supported: list[tuple[float, float, Explanation]] = []
@@ -226,26 +230,26 @@ def find_causes(
         half_fit = search.fit([half.captured for half in fitted])
         none = half_fit.explained(()).chi_square
         for many in (1, 2):
-            fits = [half_fit.explained(subset) for subset in combinations(search.causes, many)]
+            fits = [half_fit.explained(subset) for subset in combinations(candidates, many)]
             fits = [one for one in fits if one.chi_square < 0.2 * none or one.p > REFUTED]
             # each is needed
             fits = [one for one in fits if (np.abs(one.sizes) > 4 * one.errors).all()]
-            for one in sorted(fits, key=lambda one: one.chi_square)[:_SIMULATED]:
+            for one in sorted(fits, key=lambda one: one.chi_square)[:4]:  # these are simulated
                 after = strength(left_of_all([as_explained(half, one) for half in others]))
-                # two causes explain much by chance
-                if after < (_LEFT if many == 1 else 1e-9) * before:
+                # one cause may leave 3 %; two explain much by chance
+                if after < (0.03 if many == 1 else 1e-9) * before:
                     supported.append((after + 0.1 * one.chi_square, after, one))
             if supported:
                 break
         best_score = min((score for score, *_ in supported), default=0.0)
-    usual = [cause.name for cause in search.causes]
+    usual = [cause.name for cause in candidates]
     # of equals the most usual, which is the first of the list
     supported.sort(key=lambda one: (max(one[0], best_score + _EQUAL), usual.index(one[2].names[0])))
     accepted = [one for score, _, one in supported if score < 1.5 * best_score + _AS_GOOD]
     best = accepted[0].names if accepted else ()
-    chosen = tuple(cause for cause in search.causes if cause.name in best)
+    chosen = tuple(cause for cause in candidates if cause.name in best)
     alone = []
-    for cause in search.causes:
+    for cause in candidates:
         beside = chosen if cause in chosen else (*chosen, cause)
         explanation, at = fit.explained(beside), beside.index(cause)
         size, error = float(explanation.sizes[at]), float(explanation.errors[at])
@@ -253,12 +257,6 @@ def find_causes(
     is_unexplained = (p_forgiven < FALSE_ALARMS or is_left) and not accepted
     gain = before / max(supported[0][1], 1.0) if supported else 1.0
     return Causes(p, p_forgiven, tuple(accepted), tuple(alone), is_unexplained, gain)
-
-
-_LEFT = 0.03
-"""Share of a difference that an explanation may leave."""
-_SIMULATED = 4
-"""Explanations that are simulated, of one cause and of two"""
 
 
 def _halves(level: Residual) -> tuple[Residual, Residual]:
@@ -428,20 +426,20 @@ class _Fit(NamedTuple):
         """Fit the sizes of some causes; an exact fit forgives the model nothing."""
         search, known = self.search, self.search.known
         sizes, errors = np.zeros(len(causes)), np.zeros(len(causes))
-        lowest = np.array([cause.lowest for cause in causes])
+        lowest, steps = np.array([(cause.lowest, cause.step) for cause in causes]).reshape(-1, 2).T
         known_doubts = doubted = search.doubted + (0 if is_exact else self.forgiven)
         share = np.where(known.kind == "C", 3 * MODEL_ERROR, MODEL_ERROR)
         for is_last in [False] * 12 + [True] if causes else []:
             change = search.change(causes, sizes)
             if not is_last:
                 doubted = known_doubts + np.diag((share * change) ** 2)
-            slopes = search.slopes(causes, sizes, change)
+            slopes = search.slopes(causes, sizes, change) * steps
             weighted = inverses(self.counted + doubted, _SMALLEST) @ slopes
             normal = np.linalg.pinv(slopes.T @ weighted, hermitian=True)
             if is_last:
-                errors = np.sqrt(np.diag(normal).clip(0))
+                errors = steps * np.sqrt(np.diag(normal).clip(0))
             else:
-                move = normal @ (weighted.T @ (self.difference - change))
+                move = steps * (normal @ (weighted.T @ (self.difference - change)))
                 sizes = np.clip(sizes + np.clip(move, -1, 1), lowest, 20.0)
         left = self.difference - search.change(causes, sizes)
         # the χ² of each level has the chance of its T²

@@ -1,4 +1,4 @@
-"""Faults of the readout: how they are told, codes of the ADC, and the order of the pixels.
+"""Faults of the readout: how they are known, codes of the ADC, and the order of the pixels.
 
 A comb of counts is smoother than one code only if read noise exceeds half a code; therefore the
 expected recording, with the same comb, must not show the same faults of codes.

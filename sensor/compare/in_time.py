@@ -26,13 +26,11 @@ _QUANTITIES = {
     "offset": "offset",
     "light leak": "",
 }
-"""What changes in time, by the parameter of the device that acts like it; a leak is not told"""
+"""What changes in time, by the parameter of the device that acts like it; a leak is not stated"""
 _REAL_GAIN, _CLEARLY_BETTER = 25.0, 16.0
 """Gain of χ² of a change that is no chance, and of a quantity over the next"""
 _LOWEST_LINE = 3
 """Cycles per recording below which a line is a drift."""
-_CYCLES_BESIDE_DRIFT = 12.0
-"""Cycles per recording below which a line may be what a drift leaves."""
 _NOISE_Z = 6.0
 _SMALLEST_SHARE = 5e-4
 """Share of the variance of a pixel below which common noise is negligible."""
@@ -332,9 +330,11 @@ def remove_gain(level: Residual, excess: NDArray[Any]) -> None:
 
 
 def _quantity(
-    levels: Sequence[Residual], courses: Sequence[_Course], slopes: Sequence[Floats],
+    levels: Sequence[Residual],
+    courses: Sequence[_Course],
+    slopes: Sequence[Floats],
     errors: Sequence[Floats],
-) -> str:  # fmt: skip
+) -> str:
     """Return what changes by one amount in the good pixels (P,) of all levels, or "".
 
     Slopes and their errors are counts. The best quantity leaves chance, or a tenth of χ², and is
@@ -435,7 +435,7 @@ def _remove_lines(level: Residual) -> None:
         if line is None:
             return
         cycles, is_banding = line
-        if is_drifting and cycles * n < _CYCLES_BESIDE_DRIFT:
+        if is_drifting and cycles * n < 12.0:  # cycles that a drift may leave
             level.note("none", "what drifts does so unevenly")
             return
         angle = 2 * np.pi * cycles * places

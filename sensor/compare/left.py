@@ -31,10 +31,7 @@ CHANCE = 4e-6
 """Chance of one statistic, or picture, below which something is left."""
 _FORGIVEN = {"mean": 2e-3, "variance": 1e-2, "neighbors": 2e-3, "lag": 2e-3}
 """Errors of the model: of means relative to them, of the others relative to the variance"""
-_LAGS = 6
 _TILE = 4
-_MOST_PIXELS = 2**14
-"""Pixels of which a mean spectrum is made"""
 _SLOW = 3
 """Cosines of which slow changes are made"""
 _BESIDE = ((0, 1), (1, 0), (1, 1), (0, 2), (2, 0))
@@ -140,7 +137,7 @@ def statistics(
                 note(f"{name} of {part}", (values * contrast).sum() / many)
         note("skewness", (z * np.minimum(square, 36)).sum() / n / many)
         note("tails", np.minimum(square * square, 100).sum() / n / many)
-        for lag in range(2, _LAGS + 1):
+        for lag in range(2, 7):
             note(f"lag {lag}", (z[lag:] * z[:-lag]).sum() / max(n - lag, 1) / many)
         for down, right in _BESIDE:
             near = z[:, down:, right:] * z[:, : shape[0] - down, : shape[1] - right]
@@ -277,7 +274,8 @@ def _lines_of_parts(
     for name, (series, number) in _of_parts(z, used).items():
         series = series.reshape(len(z), -1)
         if name == "pixels":
-            misfits += _lines_of_pixels(level, series[:, np.ravel(used)][:, :_MOST_PIXELS])
+            # a mean spectrum is of at most 2¹⁴ pixels
+            misfits += _lines_of_pixels(level, series[:, np.ravel(used)][:, : 2**14])
             continue
         # readings less their mean are correlated by −1/n
         near = (np.ravel(lags[name][0]) - bias * np.ravel(number)) / np.sqrt(
@@ -354,9 +352,9 @@ def _of_parts(shifts: NDArray[Any], used: NDArray[Any]) -> dict[str, tuple[Float
     return parts
 
 
-def left_of_all(levels: Sequence[Residual], quiet: Sequence[str] = ()) -> list[Left]:
+def left_of_all(levels: Sequence[Residual]) -> list[Left]:
     """Return what all levels are left with."""
-    return [one for level in levels for one in left_of(level, quiet)]
+    return [one for level in levels for one in left_of(level)]
 
 
 def strength(left: Sequence[Left]) -> float:

@@ -18,21 +18,18 @@ from megalopta.sensor.spad.counters import AnalogCounter, counts_of_codes
 from megalopta.sensor.spad.device import draw_fixed_pattern
 from megalopta.sensor.spad.model import Sensor
 
-_SHORTEST_S = 1e-15
-"""Dead time below which there is none, s."""
-_READINGS = 2**20
-"""Readings up to which more frames are drawn than captured"""
-_MOST_READINGS = 2**24
-"""Readings of a level that are compared frame by frame"""
 _FEWEST_FRAMES = 64
 _MOST_CAUSED = 0.5
 """Most events that one may cause."""
 
 
 def level_of_codes(
-    codes: NDArray[Any], device: Sensor, exposure_s: float, light_hz: float = 0.0,
+    codes: NDArray[Any],
+    device: Sensor,
+    exposure_s: float,
+    light_hz: float = 0.0,
     times_s: Floats | None = None,
-) -> Level:  # fmt: skip
+) -> Level:
     """Return counts of ADC codes (n, rows, columns), by the steps, leaks and offsets of a device.
 
     Raises ValueError if its counters are not analog.
@@ -52,13 +49,14 @@ def level_of_codes(
 
 def one_by_one(level: Level) -> Level:
     """Return the first frames of a level, at most 2²⁴ readings but 64 frames or more."""
-    most = max(_MOST_READINGS // max(level.readings[0].size, 1), _FEWEST_FRAMES)
+    most = max(2**24 // max(level.readings[0].size, 1), _FEWEST_FRAMES)
     return level if len(level.readings) <= most else level.at(np.s_[:most])
 
 
 def _frames_of(level: Level, rate_hz: Floats) -> int:
     """Number of frames that make what is expected surer than what is captured."""
-    frames, most = len(level.readings), _READINGS // max(level.readings[0].size, 1)
+    # up to 2²⁰ readings, more frames are drawn than captured
+    frames, most = len(level.readings), 2**20 // max(level.readings[0].size, 1)
     return frames if len(rate_hz) > 1 else int(min(max(most, frames), 3 * frames))
 
 
@@ -127,7 +125,7 @@ class Model:
             seconds = max(sensor.dead_time.dead_time_s + changes["dead time"], 0.0)
             fields["dead_time"] = (
                 {"kind": kind, "dead_time_s": seconds}
-                if seconds >= _SHORTEST_S
+                if seconds >= 1e-15  # s; shorter is none
                 else {"kind": "ideal", "dead_time_s": 0.0}
             )
         if "afterpulsing" in changes:

@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from megalopta.core.arrays import Floats, Ints, Mask, mean_and_variance, robust_sigma
+from megalopta.core.quantities import between
 from megalopta.sensor.calibrate.pixels import constant_pixels, dead_pixels
 from megalopta.sensor.compare.faults import Fault, listed, pixels_of
 from megalopta.sensor.compare.in_time import remove_gain
@@ -102,14 +103,6 @@ def _huber(z: Floats) -> Floats:
 _LEAST_GAIN = 30.0
 """Gain of χ² of frames that were not fitted, from which a pattern is real."""
 _MOST_PATTERNS = 24
-_MOST_FITTED = 2**13
-"""Pixels of a part to which a quantity is fitted"""
-_WAVES = 7
-"""Cosines in each direction of which uneven light is made"""
-_MINOR = 0.03
-"""Share of the first pattern's gain below which another may be what it leaves."""
-_LARGE = 1.0
-"""Doubt of what also changes with a pattern of a large part."""
 
 
 class _Pattern(NamedTuple):
@@ -204,7 +197,7 @@ def _patterns(shape: tuple[int, int], quantities: Sequence[str]) -> list[_Patter
     rough = np.stack((x, y, x * y, x**2, y**2), axis=-1)
     waves = [
         np.cos(np.pi * down * (y + 1) / 2) * np.cos(np.pi * right * (x + 1) / 2)
-        for down, right in np.ndindex(*(min(_WAVES, side // 2) for side in shape))
+        for down, right in np.ndindex(*(min(7, side // 2) for side in shape))  # cosines each way
     ]
     for shapes in (rough, np.stack(waves[1:], axis=-1)):
         shapes = shapes - shapes.mean(axis=(0, 1))
@@ -216,7 +209,7 @@ def _patterns(shape: tuple[int, int], quantities: Sequence[str]) -> list[_Patter
 def _places(mask: Mask, shape: tuple[int, int]) -> tuple[Ints, ...]:
     """Rows and columns of marked pixels; of many, every so many-th, by an odd number."""
     flat = np.flatnonzero(np.broadcast_to(mask, shape))
-    return np.unravel_index(flat[:: flat.size // _MOST_FITTED | 1], shape)
+    return np.unravel_index(flat[:: flat.size // 2**13 | 1], shape)  # pixels fitted
 
 
 def check_patterns(
@@ -242,7 +235,7 @@ def check_patterns(
         least_size = 0.02 if best.quantity == "offset" else 0.005
         if best.gain < max(_LEAST_GAIN, least_gain) or size < least_size:
             break
-        if accepted and best.gain < _MINOR * accepted[0].gain:
+        if accepted and best.gain < 0.03 * accepted[0].gain:  # the first may leave it
             break
         if best.quantity == "offset":
             # a line of which one cannot tell is odd
@@ -268,7 +261,7 @@ def _take_out(pattern: _Pattern, levels: Sequence[Residual]) -> list[Fault]:
     for number, level in enumerate(levels):
         if not is_small:
             for doubted in (quantity, *["dark counts"] * (quantity == "light leak")):
-                level.doubt(doubted, _LARGE)
+                level.doubt(doubted, 1.0)  # large: a large part changes it too
         if quantity == "offset":
             level.subtract(surface.astype(np.float32))
         elif quantity == "step":
@@ -291,6 +284,7 @@ def _take_out(pattern: _Pattern, levels: Sequence[Residual]) -> list[Fault]:
 def odd_pixels(levels: Sequence[Residual]) -> tuple[Mask, list[Fault]]:
     """Mark and describe single pixels that deviate by 8 σ and a tenth of their mean."""
     hot, odd, less = np.zeros((3, *levels[0].masked.shape), np.bool_)
+    dark_hz = np.zeros(hot.shape)
     for level in levels:
         counts, error = deviations(level)
         z = (counts / error)[level.good]
@@ -301,6 +295,7 @@ def odd_pixels(levels: Sequence[Residual]) -> tuple[Mask, list[Fault]]:
         less |= counts < 0
         if level.captured.is_dark:
             hot |= far & (counts > level.parts["dark counts"])
+            dark_hz = level.captured.signal.mean(axis=0) / level.captured.exposure_s
     # beyond 2 % of all, they are no single ones
     if odd.sum() > max(0.02 * odd.size, 6):
         return np.zeros_like(odd), []
@@ -311,7 +306,8 @@ def odd_pixels(levels: Sequence[Residual]) -> tuple[Mask, list[Fault]]:
         return hot | odd, [Fault("none", text)]
     faults = []
     if hot.any():
-        faults.append(Fault("hot pixel", f"hot {pixels_of(hot)}"))
+        rates = between(dark_hz[hot].min(), dark_hz[hot].max(), "Hz")
+        faults.append(Fault("hot pixel", f"hot {pixels_of(hot)}, of {rates}"))
     if (odd & ~hot).any():
         text = f"{pixels_of(odd & ~hot)} differ in their mean from all others"
         faults.append(Fault("deviating pixel", text))

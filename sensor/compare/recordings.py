@@ -3,6 +3,7 @@
 Each step leaves to the next what it cannot explain.
 """
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,17 +12,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from megalopta.core.arrays import Floats, Mask
-from megalopta.core.bounded import ARRAY_BYTES, plain_array, read_bytes
+from megalopta.core import bounded
+from megalopta.core.arrays import Floats, Mask, mean_and_variance
 from megalopta.core.errors import UserError
-from megalopta.core.quantities import with_error
+from megalopta.core.quantities import short, with_error
 from megalopta.sensor.calibrate.level import Level
 from megalopta.sensor.calibrate.pixels import correlation
 from megalopta.sensor.calibrate.statistics import statistics
 from megalopta.sensor.change import changed
 from megalopta.sensor.compare import faults as readout, in_time, pattern, two_sample
 from megalopta.sensor.compare.causes import Causes, as_explained, find_causes
-from megalopta.sensor.compare.faults import Fault
+from megalopta.sensor.compare.faults import Fault, listed
 from megalopta.sensor.compare.left import Left, Whole, left_of_all, strength, unsteady
 from megalopta.sensor.compare.model import Model, one_by_one
 from megalopta.sensor.compare.residual import Residual
@@ -61,9 +62,11 @@ class Comparison:
     captured: Sequence[Level]
     """Recordings as they were compared frame by frame"""
     expected: Sequence[Level]
-    """Simulations of them"""
+    """Simulations of them by the device as calibrated"""
     left: tuple[Left, ...] = ()
     """What no fault explains, before parameters were fitted"""
+    compared: Sequence[tuple[Level, Level]] = ()
+    """The same without what is named: captured frames, and those simulated again"""
 
     @property
     def causes(self) -> tuple[Difference, ...]:
@@ -117,14 +120,18 @@ class Comparison:
             verdict = f"Differences are statistically significant but small: {self.alarms[0]}."
         else:
             verdict = f"{agreement('frames', self.differences)}."
+        verdict = re.sub(r"\((\d+), (\d+)\)", r"(row \1, column \2)", verdict, count=1)
         return " ".join([verdict, *self._evidence])
 
     @property
     def _evidence(self) -> list[str]:
         """Gain in predicting other frames, or the largest of what is left."""
-        if self.explained.gain > 2:
-            times = f"{self.explained.gain:.0f} times" if self.explained.gain < 1000 else "far"
-            return [f"Frames that were not fitted are predicted {times} better with this."]
+        if any(fault.kind == "light" for fault in self.faults):
+            return ["Check light (photons per second on a pixel), exposure and wavelength."]
+        if (gain := self.explained.gain) > 2:
+            names = " and ".join(self.explained.accepted[0].names)
+            times = f"{gain:.0f} times" if gain < 1000 else "over 1000 times"
+            return [f"With this {names}, frames kept from the fit are predicted {times} better."]
         if not (self.explained.is_unexplained and self.left):
             return []
         largest = max(self.left, key=lambda one: one.z)
@@ -141,9 +148,9 @@ def agreement(what: str, differences: Sequence[Difference]) -> str:
     open_ = [change.name for change in differences if not change.is_equivalent]
     text = f"Captured and simulated {what} agree: no difference is statistically significant"
     if equal:
-        most = max(max(abs(change.low), abs(change.high)) for change in equal)
-        names = f": {', '.join(change.name for change in equal)}" if open_ else ""
-        text += f"; equal within {with_error(100 * most, 0, '%')} (95 % CI){names}"
+        bounds = sorted((100 * max(abs(one.low), abs(one.high)), one.name) for one in equal)
+        texts = [f"{with_error(bound, 0, '%')} ({name})" for bound, name in bounds]
+        text += f"; equal within {', '.join(texts)} (95 % CI)"
     return text + (f"; too uncertain to tell: {', '.join(open_)}" if open_ else "")
 
 
@@ -214,7 +221,7 @@ def _map_error(file: MapFile | None) -> Floats | float:
         beside = path.with_name(f"{path.stem}_{end}.npy")
         if not beside.exists():
             return 0.0
-        values = plain_array(read_bytes(beside, ARRAY_BYTES))
+        values = bounded.plain_array(bounded.read_bytes(beside, bounded.ARRAY_BYTES))
         if values is None or values.ndim != 2:
             raise UserError(
                 f"{beside} is not a complete array of numbers; calibrate the device again"
@@ -264,9 +271,12 @@ def compare_levels(
             captured, expected, model.rates_hz, errors, strict=True
         )
     ]
+    wrong = [] if is_scene else _wrong_lights(levels)
     order, faults = _faults_of_readout(levels)
     causes, left = Causes(), list[Left]()
-    if not is_scene:
+    if wrong:  # of which bits that never change are no fault
+        faults = wrong
+    elif not is_scene:
         levels, faults, causes, left = _explained(levels, whole, faults, margin)
     is_tested = causes.p_forgiven < 1 or is_scene
     # what was taken out of some frames is still in all of them
@@ -276,8 +286,11 @@ def compare_levels(
     ]
     tests = _pixel_tests(levels, samples, is_tested)
     named = tuple(fault for fault in faults if fault.kind != "none")
-    alone, rest = causes.alone, tuple(left)
-    return Comparison(order, named, causes, alone, tests, margin, captured, expected, rest)
+    compared = [(level.captured, level.expected) for level in levels if not wrong]
+    compared = compared or list(zip(captured, expected, strict=True))
+    return Comparison(
+        order, named, causes, causes.alone, tests, margin, captured, expected, tuple(left), compared
+    )
 
 
 def _explained(
@@ -297,15 +310,21 @@ def _explained(
     if "lag" in kinds or "none" in kinds or left:
         left = [] if "lag" in kinds else left
         return levels, faults, Causes(is_unexplained=bool(left) or "none" in kinds), left
-    causes, least_gain = _causes_of(levels, margin), 0.0
+    errors = _calibration_errors(levels)
+    causes, least_gain = find_causes(levels, margin=margin, calibration=errors), 0.0
     if causes.accepted:
         least_gain = _LEAST_SHARE * strength(left_of_all(levels))
         levels = [as_explained(level, causes.accepted[0]) for level in levels]
-    in_space, gain = _faults_in_space(levels, least_gain)
-    left = left_of_all(levels)
+    patterns, gain = pattern.check_patterns(levels, least_gain)
+    alone, of_pixels = pattern.odd_pixels(levels)
+    _mask(levels, alone)
+    in_space, left = patterns + of_pixels, left_of_all(levels)
     is_none = "none" in {fault.kind for fault in in_space}
     if not causes.accepted and (in_space or left):
-        causes = _causes_of(levels, margin, bool(left) or is_none)
+        errors, is_left = _calibration_errors(levels), bool(left) or is_none
+        causes = find_causes(levels, margin=margin, calibration=errors, is_left=is_left)
+        for explanation in causes.accepted[:1]:
+            levels = [as_explained(level, explanation) for level in levels]
     is_much = is_none or causes.is_different or strength(left) > max(0.05 * gain, 100.0)
     faults = faults + in_space
     if causes.is_unexplained and is_much:
@@ -348,6 +367,26 @@ def _faults_of_readout(levels: Sequence[Residual]) -> tuple[readout.Arrangement,
     return order, faults + of_readings
 
 
+def _wrong_lights(levels: Sequence[Residual]) -> list[Fault]:
+    """Say which levels have ten times the expected counts, or a tenth, with the noise of events."""
+    texts, off = list[str](), set[tuple[bool, bool]]()
+    for level in levels:
+        frames, one = level.captured, 1 / len(level.captured.readings)
+        dark = level.model.moments(frames.exposure_s, np.zeros_like(level.light_hz))[0]
+        maps = *mean_and_variance(frames.signal), level.parts["step"], dark
+        seen, noise, usual, least = (max(float(part[level.good].sum()), one) for part in maps)
+        is_far = max(seen, usual) > max(10 * min(seen, usual), 1000 * one)
+        if is_far and 0.03 < noise / seen < 2:
+            off.add((frames.is_dark, seen > usual))
+            ratio = (seen - least) / (usual - least) if seen > usual > least else seen / usual
+            size = short(float(f"{max(ratio, 1 / ratio):.1e}"))
+            texts.append(f"{f'{size} times' if ratio > 1 else f'1/{size}'} as many ({frames})")
+    text = f"counts are not those of the stated light, but {listed(texts)}"
+    # more counts in the dark, too, are of another temperature or exposure
+    is_light = (False, False) in off or ((False, True) in off and (True, True) not in off)
+    return [Fault("light", text)] if is_light else []
+
+
 def _faults_in_time(levels: Sequence[Residual]) -> list[Fault]:
     """Faults in time, which are taken out."""
     for level in levels:
@@ -361,20 +400,6 @@ def _faults_in_time(levels: Sequence[Residual]) -> list[Fault]:
     if any(lags):  # the first frame has none before
         return [fault for fault in faults if not fault.text.startswith(in_time.FIRST)]
     return faults + _check_telegraph(levels)
-
-
-def _causes_of(levels: Sequence[Residual], margin: float, is_left: bool = False) -> Causes:
-    """Parameters that explain how levels differ, with the errors of their calibration."""
-    errors = _calibration_errors(levels)
-    return find_causes(levels, margin=margin, calibration=errors, is_left=is_left)
-
-
-def _faults_in_space(levels: Sequence[Residual], least_gain: float) -> tuple[list[Fault], float]:
-    """Faults of parts of the array and of pixels, which are taken out, and their gain of χ²."""
-    patterns, gain = pattern.check_patterns(levels, least_gain)
-    alone, of_pixels = pattern.odd_pixels(levels)
-    _mask(levels, alone)
-    return patterns + of_pixels, gain
 
 
 def _pixel_tests(

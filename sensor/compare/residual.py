@@ -92,6 +92,8 @@ class Residual:
     uncertainty: dict[str, float] = field(default_factory=dict)
     """What fluctuations leave uncertain, by parameter of the device, and of the variance, counts²;
     relative, but of offsets in counts"""
+    changes: dict[str, float] = field(default_factory=dict)
+    """Parameters of the device that explain a difference, as of `Model.draw`"""
     quiet: set[str] = field(default_factory=set)
     """Statistics that are not tested, by the words that they begin with"""
     inflation: float = 1.0
@@ -181,10 +183,11 @@ class Residual:
         self.captured = self.captured.at(frames)
 
     def redraw(self, seed: int, **changes: float) -> None:
-        """Draw the expected frames of a changed device, or of changed light."""
+        """Draw the expected frames of a device changed further, or of changed light."""
         self.__dict__.pop("light_hz", None)
         self.__dict__.pop("parts", None)
-        self.expected = self.model.draw(self.expected, self.rate_hz, seed, "again, ", changes)
+        self.changes = self.changes | changes
+        self.expected = self.model.draw(self.expected, self.rate_hz, seed, "again, ", self.changes)
         readout, self.readout = self.readout, []
         for spoil in readout:
             self.read_out(spoil)

@@ -168,9 +168,12 @@ def difference(
 
 
 def scene_differences(
-    captured: Level, expected: Level, light_hz: Floats, margin: float,
+    captured: Level,
+    expected: Level,
+    light_hz: Floats,
+    margin: float,
     errors_hz: Floats | float = 0.0,
-) -> tuple[Difference, ...]:  # fmt: skip
+) -> tuple[Difference, ...]:
     """Compare brightness and contrast, frame by frame, of the same scene.
 
     `light_hz` (n, rows, columns): the model's detection rate of always-live pixels; `margin`:

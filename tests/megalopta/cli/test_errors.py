@@ -43,8 +43,9 @@ def one_line(refused):
         (["demo", "airglow", "--quick"], "--quick: airglow has no quick form"),
         (["check", "physics"], "check: argument what: invalid choice: 'physics'"),
         (["reproduce", "fig-2.9"], "no figure 'fig-2.9'; give chapter-4 or some of fig-4.5"),
-        *(([*verb.split(), "none"], "none: no dataset here") for verb in (
-            "sense", "flow", "benchmark photons", "report", "check truth")),
+        *(([*verb.split(), "none"], "none: no such file or folder; check the path") for verb in (
+            "sense", "flow", "benchmark photons", "dataset make")),
+        *(([*verb.split(), "none"], "none: no dataset here") for verb in ("report", "check truth")),
     ],
 )  # fmt: skip
 def test_a_mistake_gets_one_sentence_and_makes_nothing(
@@ -53,6 +54,13 @@ def test_a_mistake_gets_one_sentence_and_makes_nothing(
     monkeypatch.chdir(tmp_path)
     assert message in one_line(*arguments)
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("words", ["sense dat", "dataset make dat", "report dat", "view dat"])
+def test_a_missing_path_gets_the_nearest_name_of_its_folder(one_line, tmp_path, monkeypatch, words):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "data").mkdir()
+    assert "; did you mean 'data'?" in one_line(*words.split())
 
 
 @pytest.mark.parametrize(

@@ -10,17 +10,9 @@ from megalopta.sensor.compare.model import Model
 from megalopta.sensor.compare.recordings import compare_levels
 from megalopta.sensor.spad.device import draw_fixed_pattern
 
-from .faulty import (
-    CAMERAS,
-    FAULTS,
-    compared,
-    moved,
-    of_readings,
-    recorded,
-    said,
-    together,
-    written,
-)  # fmt: skip
+from . import composed
+from .faulty import CAMERAS, FAULTS, compared, moved, of_readings, recorded, said, together, written
+from .judgment import Recipe
 
 CODES = FAULTS["codes"]
 
@@ -28,9 +20,9 @@ CODES = FAULTS["codes"]
 PLACES = {
     "dead row": "dead row 5",
     "dead column": "dead column 9",
-    "stuck pixel": "stuck pixel (5, 6), at code 2000",
-    "telegraph noise": "telegraph noise in pixels (2, 3), (7, 11), (13, 5)",
-    "hot pixel": "hot pixel (4, 9)",
+    "stuck pixel": "stuck pixel (row 5, column 6), at code 2000",
+    "telegraph noise": "telegraph noise in pixels (row 2, column 3), (7, 11), (13, 5)",
+    "hot pixel": "hot pixel (row 4, column 9), of ",
     "stuck bit": "bit 5 of all pixels is stuck at 1",
     "flicker 60 Hz": "flicker of 60 Hz, ±10 %",
     "banding 60 Hz": "row banding of 60 Hz",
@@ -38,7 +30,7 @@ PLACES = {
     "frames lost": "3 frames are missing in one place",
     "light +10 % to the right": "the light is uneven, by 1",
     "bent output": "frames differ; none of the known causes explains the difference.",
-    "dead time": "Frames that were not fitted are predicted",
+    "dead time": "With this dead time, frames kept from the fit are predicted over 1000 times better",
 }
 
 
@@ -76,6 +68,40 @@ def test_lost_frames_do_not_split_a_line(name):
 )
 def test_another_order_of_pixels_is_told(words, move):
     assert words in compared(2, **moved(move)).sentence
+
+
+COUNTS = CAMERAS["counts"]._replace(shape=(16, 16))
+
+
+def test_pixels_are_tested_without_all_that_is_named():
+    other = {"sensor": {"dead_time": {"dead_time_s": 1e-7}}}
+    found = compared(3, COUNTS, **together(FAULTS["counts"]["hot pixel"][1], other))
+    assert said(found) == {"hot pixel", "dead time"}
+    assert "hot pixel (row 4, column 9), of " in found.sentence
+    # discoveries of 2 · 6 · 255 tests at a rate of 0.002, of which none is a difference
+    assert sum(test.differs.sum() for test in found.tests.values()) <= 1
+    assert np.isnan(found.tests["mean"].p[:, 4, 9]).all()
+    # of a counter without a step, none is fitted, and a leak is none: no number is absurdly small
+    assert "step" not in [each.name for each in found.differences]
+    (leak,) = (each for each in found.differences if each.name == "light leak")
+    assert leak.high - leak.low > 1e-5 and "⁻" not in leak.relative_text
+    assert "pixels, without 1 that" in found.differences[0].unit
+
+
+@pytest.mark.parametrize(("factor", "told"), [(1e4, "times as many"), (1 / 30, "1/28 as many")])
+def test_light_that_is_far_from_the_stated_one_is_told_by_its_factor(factor, told):
+    camera = COUNTS._replace(levels=((1e-3, 0.0, 900), (1e-3, 1e6 / max(factor, 1), 900)))
+    found = compared(3, camera, light=lambda *_: np.full((1, 1, 1), factor))
+    assert said(found) == {"light"} and told in found.sentence
+    # 0.4 · 10⁶ events per second, each followed by 50 ns
+    assert factor < 1 or 9000 < float(found.sentence.split("but ")[1].split(" times")[0]) < 10_100
+    assert "photons per second on a pixel" in found.sentence
+
+
+def test_a_warm_camera_in_dim_light_has_dark_counts_and_no_wrong_light():
+    camera = COUNTS._replace(levels=((1e-2, 0.0, 90), (1e-2, 100.0, 90)))
+    dark_hz = draw_fixed_pattern(camera.sensor, camera.shape).dark_counts_hz
+    assert "light" not in said(compared(3, camera, extra=lambda *_: 14 * dark_hz[None]))
 
 
 @pytest.mark.slow
@@ -178,12 +204,7 @@ def lagging(readings, _):
 
 @pytest.mark.parametrize(
     ("camera", "spoil"),
-    [
-        ("codes", running_mean),
-        ("counts", running_mean),
-        ("counts", lagging),
-        ("bits", running_mean),
-    ],
+    [*((each, running_mean) for each in ("codes", "counts", "bits")), ("counts", lagging)],
 )
 def test_frames_that_depend_on_those_before_quieten_tests_that_assume_none(camera, spoil):
     camera = CAMERAS[camera]._replace(shape=(16, 16))
@@ -219,3 +240,32 @@ def test_crosstalk_of_the_known_kernel_is_found_with_its_size():
     assert found.explained.accepted[0].names == ("crosstalk",)
     # known to about 4 %, five of which; means, variances and covariances agree
     assert found.causes[0].captured == pytest.approx(0.12, rel=0.2)
+
+
+def test_a_composed_fault_is_named_and_an_identical_device_raises_no_alarm(monkeypatch):
+    _, levels, dead_s = composed.CAMERAS["bits"]
+    monkeypatch.setitem(composed.CAMERAS, "bits", ((24, 24), levels, dead_s))
+    assert not composed.compared("bits", (), 0, 3).alarms
+    fault = Recipe("bits", "noise of rows")
+    assert composed.verdict((fault,), 2, 3)[0] == "right"
+
+
+@pytest.mark.slow
+def test_identical_devices_raise_no_alarm():
+    alarms = sum(
+        bool(composed.compared(list(composed.CAMERAS)[seed % 3], (), 0, seed).alarms)
+        for seed in range(9)
+    )
+    # at the stated 1 %, 4 or more of 9 have a chance of 1.2e-6, 5 or more of 1.2e-8
+    assert alarms < 5
+
+
+@pytest.mark.slow
+def test_composed_faults_are_named_or_left_unexplained():
+    outcomes = Counter(
+        composed.verdict((composed.compose(seed, reserved=False),), seed % 3, seed)[0]
+        for seed in range(16)
+    )
+    # at 95 % right or none, 8 or fewer of 16 have a chance below 1e-6; at 2 % wrong, 6 or more
+    assert outcomes["right"] + outcomes["none"] > 8, outcomes
+    assert outcomes["wrong"] < 6, outcomes
