@@ -15,16 +15,18 @@ from megalopta.camera.recording import is_recording
 from megalopta.camera.sources import Beam, Source, read_recorded
 from megalopta.core import files, strict_yaml
 from megalopta.core.arrays import Floats
+from megalopta.core.bounded import read_text
 from megalopta.core.errors import UserError, refused_as
 from megalopta.core.progress import say, step
 from megalopta.core.quantities import number
+from megalopta.core.validation import merged
 from megalopta.report.sections import Section
-from megalopta.sensor import Afterpulsing, AnalogCounter, Crosstalk, Sensor, preset
+from megalopta.sensor import Afterpulsing, AnalogCounter, Crosstalk, Sensor, load_sensor, preset
 from megalopta.sensor.calibrate import counts, crosstalk as estimates
 from megalopta.sensor.calibrate.device import AnalogDevice, calibrate_device
 from megalopta.sensor.calibrate.emva import Step
 from megalopta.sensor.calibrate.level import Level
-from megalopta.sensor.calibrate.pixels import Estimate
+from megalopta.sensor.calibrate.pixels import Estimate, Quantity
 from megalopta.sensor.calibrate.time_tags import Autocorrelation, fit_table
 from megalopta.sensor.effects import crosstalk
 
@@ -43,7 +45,7 @@ class Calibration:
     """Maps with intervals, by their names in `measured`"""
     masks: dict[str, NDArray[Any]] = field(default_factory=dict)
     """Further maps (rows, columns)"""
-    quantities: list[pages.Quantity] = field(default_factory=list)
+    quantities: Sequence[Quantity] = ()
     summary: str = ""
     sections: Sequence[Section | None] = ()
     """Parts of the page, between the table of pixels and their maps"""
@@ -54,8 +56,9 @@ def calibrate_recordings(
 ) -> str:
     """Write a device file, its maps and its page; return a summary in a sentence.
 
-    `base` is the preset; None: spadcam for its recordings, else ideal. Raises UserError if a
-    recording cannot be read, or all of them do not suffice for a calibration.
+    `base` is a preset, or a .yaml file with what is known of the camera; None: spadcam for its
+    recordings, else ideal. Raises UserError if a recording cannot be read, or all of them do not
+    suffice for a calibration.
     """
     if out.suffix not in (".yaml", ".yml"):
         raise UserError(f"--out {out}: give the name of a .yaml file")
@@ -68,10 +71,16 @@ def calibrate_recordings(
     base = base or ("spadcam" if True in kinds else "ideal")
     calibration_of = _of_recorded_codes if True in kinds else _of_recorded_counts
     with refused_as("calibrate"), step(f"estimating pixels from {len(sources)} recordings"):
-        calibration, shape, steps = calibration_of(sources, beam, preset(base))
+        is_file = base.endswith((".yaml", ".yml"))
+        sensor = load_sensor(base, Sensor) if is_file else preset(base)
+        calibration, shape, steps = calibration_of(sources, beam, sensor)
     write_device(out, calibration, base)
     with step("figures of EMVA 1288"):
         standard = pages.emva_section(out, shape, beam.wavelength_nm, steps)
+    if not is_file and base == "ideal":
+        say(f"{out}: pitch and lens are of {base}, the exposure of lit recordings; state yours in "
+            "a .yaml file for --preset, another exposure as in `sense … --sensors "
+            f"\"[{{preset: {out}, exposure_s: 0.01}}]\"`")  # fmt: skip
     sections, page = [*calibration.sections, standard], out.with_suffix(".html")
     pages.write_page(page, calibration.summary, calibration.quantities, sections)
     return calibration.summary
@@ -80,10 +89,16 @@ def calibrate_recordings(
 def write_device(path: Path, calibration: Calibration, base: str) -> None:
     """Write a device file, and its maps with intervals to a folder next to it.
 
-    Pixels without an estimate get the median; their intervals are NaN. `base` names the preset,
-    which supplies everything that is not measured.
+    Pixels without an estimate get the median; their intervals are NaN. `base` is a preset, or a
+    file whose fields are copied, which supplies everything that is not measured.
     """
-    folder, measured = path.with_suffix(""), {}
+    stated: dict[str, Any] = {"preset": base}
+    if base.endswith((".yaml", ".yml")):
+        known = load_sensor(base, Sensor).model_dump(mode="json")
+        known["measured"] = {name: file for name, file in known["measured"].items() if file}
+        named = strict_yaml.load(read_text(Path(base)))
+        stated = {name: known.get(name, value) for name, value in named.items()}
+    folder, measured = path.with_suffix(""), dict[str, Any]()
     arrays: dict[str, NDArray[Any]] = dict(calibration.masks)
     for name, estimate in calibration.maps.items():
         if np.isfinite(estimate.value).any():
@@ -91,19 +106,17 @@ def write_device(path: Path, calibration: Calibration, base: str) -> None:
             arrays[name] = np.maximum(_filled(estimate.value), lowest)
             arrays |= {f"{name}_low": estimate.low, f"{name}_high": estimate.high}
             measured[name] = f"{folder.name}/{name}.npy"
+    if (share := calibration.fields.get("fill_factor")) and "efficiency" in measured:
+        measured["efficiency"] = {"path": measured["efficiency"], "fill_factor": share}
     for name in ("dark_counts", "telegraph", "stuck"):
         if name in calibration.masks:
             measured[name] = f"{folder.name}/{name}.npy"
     for name, values in arrays.items():
         with files.atomic_write(folder / f"{name}.npy") as temporary:
             np.save(temporary, values)
-    fields: dict[str, Any] = {
-        "preset": base,
-        "name": path.stem,
-        "source": calibration.source,
-        "measured": {**measured, "fit": "exact"},
-        **calibration.fields,
-    }
+    names = {"name": path.stem, "source": calibration.source, "measured": {}}
+    fields = merged(stated, names | calibration.fields)
+    fields["measured"] = {**stated.get("measured", {}), **measured, "fit": "exact"}
     if "crosstalk" in arrays:
         fields["crosstalk"]["kernel"] = {"path": f"{folder.name}/crosstalk.npy"}
     text = strict_yaml.dump(fields)
@@ -165,7 +178,7 @@ def _of_recorded_counts(sources: Sequence[Source], beam: Beam, sensor: Sensor) -
                 level = counts.summed(
                     recorded.counts, exposure_s, light_hz, is_binary=recorded.is_binary
                 )
-        levels.append(level)
+        levels.append(level._replace(name=source.path.name))
         photons, of = level.light_hz * level.exposure_s, level.of
         steps.append((level.exposure_s, Step(photons, of.mean, of.variance, of.frames)))
     if bits := _summed_bits(levels):
@@ -175,7 +188,7 @@ def _of_recorded_counts(sources: Sequence[Source], beam: Beam, sensor: Sensor) -
         )
     device = counts.calibrate_counts(levels, sensor.dead_time)
     if device.dark_counts_hz is None and device.efficiency is None:
-        raise ValueError(pages.reasons(device))
+        raise ValueError("; ".join(map(": ".join, device.refused.items())))
     calibration = calibration_of(device, sensor, beam.wavelength_nm)
     if len(summed := {source.sums or 1 for source in sources}) == 1:
         (sums,) = summed
@@ -215,24 +228,30 @@ def calibration_of(
     talk, kernel = _crosstalk_of_hot_pixels(device), device.kernel
     calibration = Calibration("calibrated from recordings of counts or bits", {"counter": {}})
     fields, maps, masks = calibration.fields, calibration.maps, calibration.masks
-    quantities, dead_time = calibration.quantities, base.dead_time
+    quantities, dead_time = device.quantities, base.dead_time
     if device.dead_time is not None:
         dead_time = device.dead_time.recovery.dead_time
         fields["dead_time"] = dead_time.model_dump(exclude_defaults=True)
     if (dark := device.dark_counts_hz) is not None:
-        quantities.append(pages.Quantity("dark counts", "Hz", dark, 1.0))
         maps["dark_counts"] = primary(dark, kernel, talk)
     if (efficiency := device.efficiency) is not None:
-        nominal = float(np.nanmean(efficiency.value))
-        shown = pages.Quantity("efficiency", "of the median", efficiency, 1 / efficiency.median)
+        nominal, unit = float(np.nanmean(efficiency.value)), "of the median"
+        scale = 1 / efficiency.median
         if wavelength_nm is not None:
             nominal = float(base.photon_detection_efficiency(np.array(wavelength_nm)))
-            shown = pages.Quantity("efficiency", "%", efficiency, 100.0)
-        quantities.append(shown)
+            unit, scale, fields["fill_factor"] = "%", 100.0, base.fill_factor
+        quantities[len(maps)] = Quantity("efficiency", unit, efficiency, scale)
         # errors of a fitted recovery are part of its interval
         if kernel is not None and device.dead_time is not None and device.dead_time.recovery.fired:
             kernel = kernel._replace(afterpulses_error=0.0)
-        maps["efficiency"] = primary(efficiency, kernel, talk).scaled(1 / nominal)
+        net = primary(efficiency, kernel, talk)
+        if wavelength_nm is not None and np.mean(net.low > 1) > 0.5:
+            raise ValueError(
+                f"efficiency is {number(100 * net.median)} %, more counts than photons; check LIGHT"
+                " (photons per second, not per exposure, on a whole pixel; with --beam-area-mm2 "
+                "watts) and exposure of the lit recordings"
+            )
+        maps["efficiency"] = net.scaled(1 / nominal)
     dark = maps.get("dark_counts")
     if dark is not None and np.isfinite(dark.value).any():  # at least as hot as all that are known
         too_hot = np.isnan(dark.value) & device.hot
@@ -271,8 +290,13 @@ def calibration_of(
         fields["counter"]["kind"] = "digital"
         if device.capacity is not None:
             fields["counter"]["capacity"] = device.capacity
-    summary, sections = pages.parts(device, quantities, talk)
-    return replace(calibration, summary=summary, sections=sections)
+    source = calibration.source
+    if device.refused:
+        source += f"; {' and '.join(device.refused)} of {base.name}"
+    return replace(
+        calibration, source=source, quantities=quantities, sections=pages.parts(device, talk),
+        summary=device.summary(quantities, talk, base.name),
+    )  # fmt: skip
 
 
 def _with_comb(calibration: Calibration, device: AnalogDevice) -> Calibration:
@@ -287,12 +311,6 @@ def _with_comb(calibration: Calibration, device: AnalogDevice) -> Calibration:
     counter["read_noise_v"] = device.read_noise_v.median
     if device.is_slope_seen:
         counter["step_slope"] = device.curve.slope
-    calibration.quantities.extend((
-        pages.Quantity("step", "mV", step, 1e3),
-        pages.Quantity("offset", "mV", fall, 1e3),
-        pages.Quantity("leak", "mV/s", leak, 1e3),
-        pages.Quantity("read noise", "mV", device.read_noise_v, 1e3),
-    ))  # fmt: skip
     source = f"calibrated by comb from {len(device.drops.exposure_s)} recordings"
     return replace(calibration, source=source)
 

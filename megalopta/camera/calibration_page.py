@@ -1,24 +1,24 @@
 """Page of a calibration: estimates of the pixels, charts, maps, and the figures of EMVA 1288."""
 
 from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from markupsafe import Markup
 from matplotlib.ticker import NullFormatter
 
+from megalopta.core.errors import UserError
 from megalopta.core.quantities import UNDEFINED, between, percent, with_error
 from megalopta.report import style
-from megalopta.report.sections import Section, captioned, folded, paragraph, table, write_sections
-from megalopta.report.style import BLACK, BLUE, VERMILION, line_style
+from megalopta.report.sections import Section, captioned, paragraph, table, write_sections
 from megalopta.sensor import Crosstalk, Sensor, changed, load_sensor
 from megalopta.sensor.calibrate import crosstalk as estimates, emva as standard
 from megalopta.sensor.calibrate.counts import CountingDevice
 from megalopta.sensor.calibrate.device import AnalogDevice
-from megalopta.sensor.calibrate.emva import Step
-from megalopta.sensor.calibrate.pixels import Estimate
-from megalopta.sensor.calibrate.recovery import KINDS, DeadTimeEstimate, Recovery
+from megalopta.sensor.calibrate.pixels import Quantity
+from megalopta.sensor.calibrate.recovery import KINDS, Recovery
 
 UNKNOWN = "not known"
 _PIXELS = (
@@ -34,18 +34,16 @@ _SATURATION = (
     "time; its kind shows where the two models diverge."
 )
 _NEIGHBORS = (
-    "Chance that an event fires a neighbor, from coincidences in the dark; afterpulses within the "
-    "exposure, from the variance of counts, which read noise may hide. Effects above three "
-    "standard errors are in the device file. Without a fit, afterpulses come after five dead times."
+    "From coincidences in the dark; afterpulses from the variance of counts, which read noise may "
+    "hide. Effects above three standard errors are in the device file."
 )
 _MAPS = (
     "Grain: scatter of pixels and of their estimates. Gradients: nonuniform light (efficiency) or "
     "temperature (dark counts). Rows and columns: readout. Gray: unknown."
 )
 _BAD = (
-    "Dead: no counts under light; stuck: one reading in all frames (stuck.npy); saturated: at the "
-    "counter's end in every recording, or codes without a comb. All are in bad.npy. Hot: clearly "
-    "above ten times the median dark counts; telegraph: two rates of dark counts."
+    "In bad.npy: dead, stuck at one reading, and saturated in every recording, or without a comb. "
+    "Hot: above ten times the median dark counts; telegraph: two rates of dark counts."
 )
 _FITS = (
     "Deviation of the levels from the curve, pooled over pixels: counts over light and exposure, "
@@ -64,27 +62,6 @@ _OF_SUMS = (
 )
 
 
-class Quantity(NamedTuple):
-    """One estimate of every pixel, as the page shows it."""
-
-    name: str
-    unit: str
-    estimate: Estimate
-    scale: float
-    """Factor to that unit"""
-
-    @property
-    def half_width(self) -> float:
-        """Median half width of a pixel's 95 % CI, in that unit; NaN if none is known."""
-        widths = self.scale * (self.estimate.high - self.estimate.low) / 2
-        return float(np.nanmedian(widths)) if np.isfinite(widths).any() else np.nan
-
-    @property
-    def text(self) -> str:
-        """Median over pixels with that half width: "315 ± 9 Hz"."""
-        return with_error(self.scale * self.estimate.median, self.half_width, self.unit)
-
-
 def write_page(
     path: Path, summary: str, quantities: Sequence[Quantity], sections: Sequence[Section | None]
 ) -> None:
@@ -92,7 +69,7 @@ def write_page(
     rows: list[tuple[str, ...]] = []
     charts = []
     for quantity in quantities:
-        title = f"{quantity.name} ({quantity.unit})"
+        title, estimate = f"{quantity.name} ({quantity.unit})", quantity.estimate
         values = quantity.scale * quantity.estimate.value
         if not np.isfinite(values).any():
             rows.append((quantity.name, UNKNOWN, UNDEFINED, UNDEFINED))
@@ -101,8 +78,10 @@ def write_page(
         mean = with_error(float(np.nanmean(values)), 0, quantity.unit)
         rows.append((quantity.name, quantity.text, mean, between(low, high, quantity.unit)))
         charts.append(style.map_chart(values, f"map-{len(rows)}", title))
+        half = quantity.scale * (estimate.high - estimate.low) / 2
+        charts.append(style.map_chart(half, f"half-{len(rows)}", f"± 95 % CI of {title}"))
     head = ("", "median ± 95 % CI of a pixel", "mean", "90 % of the pixels")
-    body = folded("Values", table("The pixels", head, rows), paragraph(_PIXELS, "note"))
+    body = table("The pixels", head, rows) + paragraph(_PIXELS, "note")
     pixels = Section("The pixels", _MAPS, charts=tuple(charts), body=body)
     write_sections(
         path, f"Calibration of {path.stem}", summary, [*sections[:-1], pixels, sections[-1]]
@@ -115,135 +94,109 @@ def _neighbors_section(
     """Return crosstalk to all neighbors by coincidences and by hot pixels, and afterpulses."""
     rows = []
     if kernel is not None:
-        value = _fired(kernel.seen) if kernel.seen else f"below {percent(kernel.limit)} each"
+        limit = f"below {percent(kernel.limit)} each"
+        value = estimates.text_of(kernel.seen) if kernel.seen else limit
         rows.append(("neighbors", value, "yes" if kernel.seen else "no"))
         text = "unknown: bits do not show them"
         if np.isfinite(kernel.afterpulses):
             text = with_error(100 * kernel.afterpulses, 196 * kernel.afterpulses_error, "%")
         rows.append(("afterpulses", text, "yes" if kernel.are_afterpulses_seen else "no"))
     if of_hot_pixels:
-        rows.append(("neighbors of hot pixels", _fired(of_hot_pixels), "yes"))
+        rows.append(("neighbors of hot pixels", estimates.text_of(of_hot_pixels), "yes"))
     head = ("", "probability (95 % CI)", "detected")
     return Section("Crosstalk and afterpulses", _NEIGHBORS, head, tuple(rows)) if rows else None
 
 
-def _fired(talk: tuple[Crosstalk, float]) -> str:
-    return with_error(100 * talk[0].mean_fired_neighbors, 196 * talk[1], "%")
-
-
-def reasons(device: CountingDevice) -> str:
-    """Tell what the recordings do not show, and why."""
-    return "; ".join(f"{name}: {reason}" for name, reason in device.refused.items())
-
-
-def parts(
-    device: CountingDevice, quantities: Sequence[Quantity], talk: tuple[Crosstalk, float] | None
-) -> tuple[str, list[Section | None]]:
-    """Return the summary and the sections of a camera."""
-    switching = device.telegraph.pixels.sum() if device.telegraph else 0
-    summary = ", ".join(f"{quantity.name} {quantity.text}" for quantity in quantities)
-    summary = f"{summary[:1].upper()}{summary[1:]} (medians of {device.bad.size} pixels ± 95 % CI)"
-    if (dead := device.dead_time) is not None:
-        kind = f"{'' if dead.is_kind_clear else 'kind undetermined, taken as '}{dead.recovery.kind}"
-        dead_time = with_error(dead.recovery.dead_s, 1.96 * dead.error_s, "s")
-        summary += f", dead time {dead_time} ({kind}{_recovers(dead)})"
-    if (kernel := device.kernel) is not None and kernel.seen:
-        differs = " by direction or parity of lines" if kernel.crosstalk.kernel else ""
-        summary += f", crosstalk {_fired(kernel.seen)}{differs}"
-    elif kernel is not None and not talk:
-        summary += f", crosstalk below {percent(kernel.limit)} per edge neighbor (95 %)"
-    telegraph = f", {switching} telegraph" if switching else ""
-    summary += f". {device.bad.sum()} pixels are bad, {device.hot.sum()} hot{telegraph}."
-    if device.refused:
-        summary += f" Not known: {reasons(device)}."
-    summary += "".join(
-        f" {name.capitalize()}: {misfit}, so intervals do not hold."
-        for name, misfit in device.fits.items()
-        if misfit.is_clear and name not in device.refused
-    )
+def parts(device: CountingDevice, talk: tuple[Crosstalk, float] | None) -> list[Section | None]:
+    """Return the sections of a camera."""
     kinds = ("dead", "stuck", "saturated", "hot")
     counted = [(kind, str(getattr(device, kind).sum())) for kind in kinds]
+    switching = device.telegraph.pixels.sum() if device.telegraph else 0
     bad = (*counted, ("telegraph", str(switching)))
-    bad_pixels = Section("Bad and hot pixels", _BAD, ("", "pixels"), bad)
     fits = tuple((name, str(misfit)) for name, misfit in device.fits.items())
-    curves = Section(
-        "Goodness of fit", _FITS, ("curve", "all pixels together"), fits, are_words=True
-    )
-    comb = _comb_section(device) if isinstance(device, AnalogDevice) else None
-    return summary, [comb, bad_pixels, curves, _neighbors_section(device.kernel, talk)]
+    return [
+        _curves_section(device),
+        Section("Bad and hot pixels", _BAD, ("", "pixels"), bad),
+        Section("Goodness of fit", _FITS, ("curve", "all pixels together"), fits, are_words=True),
+        _neighbors_section(device.kernel, talk),
+    ]
 
 
-def _recovers(dead: DeadTimeEstimate) -> str:
-    """Return what follows the dead time, and what frames do not exclude."""
-    text, most = "", []
-    for name, word in (("recharge_s", "recharging"), ("twilight_s", "twilight")):
-        if seconds := getattr(dead.recovery, name):
-            text += f", {word} {with_error(seconds, 0, 's')}"
-        if (limit_s := dead.slow_limits.get(name, np.inf)) < dead.recovery.dead_s:
-            most.append(f"{word} up to {with_error(limit_s, 0, 's')}")
-    if dead.delays_s is not None:
-        text += f"; afterpulses after {between(*dead.delays_s, 's')} (95 % CI)"
-    if most:
-        text += f"; not excluded: {' or '.join(most)}"
-    return text
-
-
-def _comb_section(device: AnalogDevice) -> Section:
-    """Return photon transfer, and the saturation curve if there is light, with what they tell."""
-    decrease = with_error(100 * device.curve.slope, 196 * device.slope_error, "%")
-    seen = "changes" if device.is_slope_seen else "no change seen"
-    known = f"{decrease} (95 % CI; {seen})" if np.isfinite(device.slope_error) else UNKNOWN
-    text = f"Decrease of the step from top to bottom of the swing: {known}."
-    charts = [captioned(_drops_chart(device), _DROPS)]
-    if device.efficiency is not None and device.dead_time is not None:
-        chart = _saturation_chart(device, device.efficiency.median, device.dead_time.recovery)
-        charts.append(captioned(chart, _SATURATION))
-    return Section("Photon transfer and saturation", text, charts=tuple(charts))
+def _curves_section(device: CountingDevice) -> Section | None:
+    """Return photon transfer, and the saturation curve if dead time is known; None of bits."""
+    if device.recordings[0].is_binary:
+        return None
+    rows, charts = [], [captioned(_transfer_chart(device), _DROPS)]
+    if isinstance(device, AnalogDevice):
+        decrease = with_error(100 * device.curve.slope, 196 * device.slope_error, "%")
+        seen = "changes" if device.is_slope_seen else "no change seen"
+        known = f"{decrease} (95 % CI; {seen})" if np.isfinite(device.slope_error) else UNKNOWN
+        rows.append(("decrease of the step from top to bottom of the swing", known))
+    if (dead := device.dead_time) is not None:
+        rows.append(("dead time", f"{dead}"))
+        if device.efficiency is not None:
+            chart = _saturation_chart(device, device.efficiency.median, dead.recovery)
+            charts.append(captioned(chart, _SATURATION))
+    title, head = "Photon transfer and saturation", ("", "of all pixels (95 % CI)") if rows else ()
+    return Section(title, "", head, tuple(rows), True, charts=tuple(charts))
 
 
 @style.in_style
-def _drops_chart(device: AnalogDevice) -> Markup:
-    """Draw variance over mean voltage drop, all pixels at all levels, with the line of the step."""
+def _transfer_chart(device: CountingDevice) -> Markup:
+    """Draw variance over mean, all pixels at all levels, with the line of single events."""
     figure, axes = style.new_axes(*style.CHART_PT)
-    used = device.drops.frames > 0
-    dark = (device.drops.light_hz == 0)[:, None] & used
-    mean, variance = 1e3 * device.drops.mean_v, 1e6 * device.drops.variance_v2
     look: dict[str, Any] = {"marker": ".", "linewidth": 0, "markersize": 2, "rasterized": True}
-    for chosen, color, label in ((dark, style.GRAY, "dark"), (used & ~dark, BLUE, "light")):
+    if isinstance(device, AnalogDevice):
+        drops, step = device.drops, 1e3 * device.step_v.median
+        mean, variance, used = 1e3 * drops.mean_v, 1e6 * drops.variance_v2, drops.frames > 0
+        is_dark, line = drops.light_hz == 0, f"{step:.3g} mV per event"
+        axes.set(xlabel="mean drop of the output (mV)", ylabel="variance (mV²)")
+    else:
+        step, line = 1.0, "independent counts"
+        mean, variance = (
+            np.array([getattr(recording.of, name).ravel() for recording in device.recordings])
+            for name in ("mean", "variance")
+        )
+        used, is_dark = mean > 0, np.array([not of.light_hz for of in device.recordings])
+        axes.set(xlabel="mean of counts", ylabel="variance", xscale="log", yscale="log")
+    dark = is_dark[:, None] & used
+    for chosen, color, label in ((dark, style.GRAY, "dark"), (used & ~dark, style.BLUE, "light")):
         axes.plot(mean[chosen], variance[chosen], color=color, label=label, **look)
-    ends = np.array([0.0, float(mean[used].max(initial=1.0))])
-    step = 1e3 * device.step_v.median
-    axes.plot(ends, step * ends, color=VERMILION, linewidth=1.5, label=f"{step:.3g} mV per event")
-    axes.set(xlabel="mean drop of the output (mV)", ylabel="variance (mV²)")
+    ends = np.array([mean[used].min(initial=1.0), mean[used].max(initial=1.0)])
+    axes.plot(ends, step * ends, color=style.VERMILION, linewidth=1.5, label=line)
     description = "Photon transfer: variance of readings over their mean"
     return style.with_legend(figure, "transfer", description, markerscale=3)
 
 
 @style.in_style
-def _saturation_chart(device: AnalogDevice, efficiency: float, recovery: Recovery) -> Markup:
+def _saturation_chart(device: CountingDevice, efficiency: float, recovery: Recovery) -> Markup:
     """Draw counts over light at the median pixel, with both models and the line without loss."""
     figure, axes = style.new_axes(*style.CHART_PT)
-    lit = device.drops.light_hz > 0
-    light, exposure_s = device.drops.light_hz[lit], device.drops.exposure_s[lit]
-    counts = np.nanmedian(device.mean_events[lit], axis=1)
-    axes.plot(light, counts / exposure_s, "o", color=BLACK, label="measured")
+    lit = [recording for recording in device.recordings if recording.light_hz]
+    light, exposure_s = np.array([(of.light_hz, of.exposure_s) for of in lit]).T
+    counts = [np.nanmedian(np.where(of.is_known, of.of.mean, np.nan)) for of in lit]
+    axes.plot(light, counts / exposure_s, "o", color=style.BLACK, label="measured")
     grid = np.geomspace(light.min(), 1.5 * light.max(), 100)
     dark = device.dark_counts_hz
     rate = (dark.median if dark else 0.0) + efficiency * grid
-    axes.plot(grid, rate, ":", color=BLACK, linewidth=1, label="without dead time")
+    axes.plot(grid, rate, ":", color=style.BLACK, linewidth=1, label="without dead time")
     longest_s = float(exposure_s.max())
     for place, kind in enumerate(KINDS):
-        counted = recovery._replace(kind=kind).moments(rate, longest_s)[0]
-        axes.plot(grid, counted / longest_s, **line_style(place), label=kind)
+        recovers = recovery if kind == recovery.kind else Recovery(kind, *recovery[1:4])
+        with suppress(UserError):  # its curve takes too long to compute
+            counted = recovers.moments(rate, longest_s)[0]
+            axes.plot(grid, counted / longest_s, **style.line_style(place), label=kind)
     axes.set(xscale="log", yscale="log", xlabel="light (photons/s per pixel)", ylabel="counts/s")
     axes.xaxis.set_minor_formatter(NullFormatter())
     return style.with_legend(figure, "saturation", "Saturation curve: counts over light")
 
 
 def emva_section(
-    device: Path, shape: tuple[int, ...], wavelength_nm: float | None,
-    recorded: Sequence[tuple[float, Step]],
-) -> Section:  # fmt: skip
+    device: Path,
+    shape: tuple[int, ...],
+    wavelength_nm: float | None,
+    recorded: Sequence[tuple[float, standard.Step]],
+) -> Section:
     """Return the figures of a device file, and those of the recordings if there are enough.
 
     `recorded` are exposure (s) and readings of each recording.

@@ -74,7 +74,6 @@ def rendered(sensor: Sensor, path: Path, lux: float | None = None) -> Cycle:
 
     `lux` is the light level; default: that of the rendering.
     """
-    from megalopta.config.light_scale import light_scale
     from megalopta.dataset.frames import read_radiance_frame
     from megalopta.dataset.store import open_sequence
 
@@ -85,7 +84,7 @@ def rendered(sensor: Sensor, path: Path, lux: float | None = None) -> Cycle:
         raise UserError(f"{path}: smaller than 16 × 16 pixels; render it larger")
     side = block * protocol.ROWS
     top, left = (camera.height - side) // 2, (camera.width - side) // 2
-    scale = 1.0 if lux is None else light_scale(configuration, lux)
+    scale = 1.0 if lux is None else configuration.light_scale(lux)
     frames = []
     for index in range(configuration.trajectory.frames):
         image = read_radiance_frame(dataset, index)[top : top + side, left : left + side]
@@ -165,9 +164,12 @@ class EmulatedCamera:
 
 
 def emulate(
-    camera: EmulatedCamera, stop: threading.Event, link: Path | None = None,
-    plugged_in: Callable[[str], None] = lambda path: None, clock_rate: float = 1.0,
-) -> int:  # fmt: skip
+    camera: EmulatedCamera,
+    stop: threading.Event,
+    link: Path | None = None,
+    plugged_in: Callable[[str], None] = lambda path: None,
+    clock_rate: float = 1.0,
+) -> int:
     """Send frames when they are due, and answer, until stopped; return the packets dropped.
 
     `link` is a symbolic link to the pseudo-terminal; `plugged_in` is called with its path. The

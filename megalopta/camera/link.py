@@ -7,10 +7,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import suppress
-from typing import NamedTuple, Self
-
-import serial
-from serial.tools import list_ports
+from typing import Any, NamedTuple, Self
 
 from megalopta.core.bounded import printable
 from megalopta.core.errors import UserError
@@ -48,6 +45,8 @@ class LinkLostError(UserError):
 
 def _usb_ports() -> Iterator[tuple[str, bool, str, str]]:
     """Yield path, true for a Teensy, serial number and description of USB serial ports."""
+    from serial.tools import list_ports  # part of an extra
+
     for port in list_ports.comports():
         if port.vid is not None:
             texts = (printable(text or "") for text in (port.serial_number, port.description))
@@ -65,8 +64,10 @@ def find_port() -> str:
     return next(iter(cameras))
 
 
-def open_port(path: str) -> serial.Serial:
+def open_port(path: str) -> Any:
     """Open a port exclusively. Raises UserError if it does not open; NoPortError without it."""
+    import serial
+
     try:
         # USB ignores the baud rate.
         return serial.Serial(path, 115200, timeout=0.1, write_timeout=1, exclusive=True)

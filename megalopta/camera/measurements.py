@@ -15,17 +15,12 @@ from pathlib import Path
 
 import numpy as np
 
+from megalopta.core import bounded
 from megalopta.core.arrays import Floats
-from megalopta.core.bounded import TEXT_BYTES, check_count, plain_array, printable, read_bytes
 from megalopta.core.errors import DamagedFileError
 from megalopta.core.files import write_csv
+from megalopta.sensor.calibrate import time_tags
 from megalopta.sensor.calibrate.crosstalk import PairCrosstalk
-from megalopta.sensor.calibrate.time_tags import (
-    Autocorrelation,
-    autocorrelation_of,
-    coincidences,
-    events_of,
-)
 from megalopta.sensor.formats.time_tags import TimeTags
 
 _FEWEST, _MOST_NUMBERS = 12, 10**7
@@ -33,17 +28,17 @@ _PAIR = ("pix1", "pix2", "distance", "crosstalk", "error")
 _EDGES_NS = np.concatenate((np.arange(0, 100, 12.5), np.geomspace(100, 25600, 33)))
 _KINDS = "give crosstalk of pairs, an autocorrelation or a map of dark counts"
 
-Measurement = PairCrosstalk | Autocorrelation | Floats
+Measurement = PairCrosstalk | time_tags.Autocorrelation | Floats
 
 
 def read_measurement(path: Path) -> Measurement:
     """Read a measurement. Raises DamagedFileError for other content, OSError if unreadable."""
-    content = read_bytes(path, TEXT_BYTES)
+    content = bounded.read_bytes(path, bounded.TEXT_BYTES)
     try:
         if path.suffix == ".npy":
-            return _map(plain_array(content))
+            return _map(bounded.plain_array(content))
         rows = [row for row in csv.reader(io.StringIO(content.decode("utf-8"))) if row]
-        check_count(path, "numbers", content.count(b",") + len(rows), _MOST_NUMBERS)
+        bounded.check_count(path, "numbers", content.count(b",") + len(rows), _MOST_NUMBERS)
         if len({len(row) for row in rows}) != 1:
             raise ValueError("lines of different numbers of columns" if rows else "empty")
         if set(_PAIR) <= set(rows[0]):
@@ -52,7 +47,7 @@ def read_measurement(path: Path) -> Measurement:
             return _autocorrelation(rows)
         return _map(np.array([[float(cell) for cell in row] for row in rows]))
     except (ValueError, csv.Error) as problem:
-        raise DamagedFileError(f"{path}: {printable(str(problem))}; {_KINDS}") from None
+        raise DamagedFileError(f"{path}: {bounded.printable(str(problem))}; {_KINDS}") from None
 
 
 def write_measurements(folder: Path, tags: TimeTags, columns: int, window_s: float) -> list[Path]:
@@ -63,8 +58,8 @@ def write_measurements(folder: Path, tags: TimeTags, columns: int, window_s: flo
     """
     if tags.channels % columns:
         raise ValueError(f"{tags.channels} channels in rows of {columns}; give --columns")
-    rates = (events_of(tags) / tags.duration_s).reshape(-1, columns)
-    lags = autocorrelation_of(tags, _EDGES_NS * 1e-9)
+    rates = (time_tags.events_of(tags) / tags.duration_s).reshape(-1, columns)
+    lags = time_tags.autocorrelation_of(tags, _EDGES_NS * 1e-9)
     names = (f"{start:g}-{end:g}" for start, end in pairwise(_EDGES_NS))
     events = np.column_stack([lags.events, np.full(len(lags.events), tags.duration_s), lags.pairs])
     written = {
@@ -72,7 +67,7 @@ def write_measurements(folder: Path, tags: TimeTags, columns: int, window_s: flo
         "autocorrelation.csv": [["events", "duration_s", *names], *events.tolist()],
     }
     if tags.channels > columns > 1:
-        pairs = coincidences(tags, window_s)
+        pairs = time_tags.coincidences(tags, window_s)
         (row, column), (other_row, other_column) = (
             np.divmod(pixel, columns) for pixel in (pairs.first, pairs.second)
         )
@@ -110,10 +105,10 @@ def _pairs(rows: Sequence[Sequence[str]]) -> PairCrosstalk:
     return PairCrosstalk(*distances, middle, table[:, 3], table[:, 4])
 
 
-def _autocorrelation(rows: Sequence[Sequence[str]]) -> Autocorrelation:
+def _autocorrelation(rows: Sequence[Sequence[str]]) -> time_tags.Autocorrelation:
     lags = [[float(end) for end in text.split("-")] for text in rows[0][2:]]
     edges = np.array([*(lag[0] for lag in lags), lags[-1][1]]) * 1e-9
     table = np.array([[float(cell) for cell in row] for row in rows[1:]], ndmin=2)
     if (np.diff(edges) <= 0).any() or not (table[:, 0] > 0).all():
         raise ValueError(f"{len(table)} pixels with events, or lags that do not increase")
-    return Autocorrelation(edges, table[:, 2:], table[:, 0])
+    return time_tags.Autocorrelation(edges, table[:, 2:], table[:, 0])

@@ -24,10 +24,7 @@ from numpy.typing import NDArray
 
 from megalopta.core.arrays import Floats
 from megalopta.flow import Detector, triangular_pool
-from megalopta.flow.detectors.correlation import (
-    NonDirectionalMultiplication,
-    NonDirectionalSummation,
-)
+from megalopta.flow.detectors import correlation
 from megalopta.scenes.cameras.perspective import PerspectiveCamera
 from megalopta.scenes.light import Light
 from megalopta.scenes.stimuli.grating import sky_radiance
@@ -49,7 +46,6 @@ SENSORS = {"Poisson noise only": preset("ideal"), "SPADCAM": preset("spadcam")}
 
 _CAMERA = PerspectiveCamera(width=PIXELS, height=1, fov_deg=20)
 _BANDS_NM = ((690.0, 710.0),)
-_SAMPLES = 16
 _LUX = 1.0
 _ROWS = 16
 _PHASES = 4
@@ -94,8 +90,8 @@ def detector(name: str) -> Detector:
     """NDM or NDS with the bench's time constant."""
     step = filter_step(name)
     if name == "NDM":
-        return NonDirectionalMultiplication(filter_step=step, output_step=1)
-    return NonDirectionalSummation(filter_step=step, output_step=1)
+        return correlation.NonDirectionalMultiplication(filter_step=step, output_step=1)
+    return correlation.NonDirectionalSummation(filter_step=step, output_step=1)
 
 
 @cache
@@ -117,19 +113,17 @@ def stimulus(speed_mm_s: float) -> Floats:
     bench = MotionBench(edge_mm=way_mm / 2, plate_mm=way_mm + 10)
     # Compiled backends need milliseconds to start an image, longer than 16 pixels take.
     settings = RenderSettings(
-        samples_per_pixel=_SAMPLES, max_depth=2, bands_nm=_BANDS_NM, backend="scalar"
+        samples_per_pixel=16, max_depth=2, bands_nm=_BANDS_NM, backend="scalar"
     )
     scene = bench.build(Light(illuminance_lux=_LUX), _CAMERA, path)
     renderer = SceneRenderer(scene, _CAMERA, settings)
-    instants = np.array(
-        [
-            renderer.radiance(pose, seed=frame_seed(0, instant))
-            for instant, pose in enumerate(path.poses())
-        ]
-    )
+    instants = [
+        renderer.radiance(pose, seed=frame_seed(0, instant))
+        for instant, pose in enumerate(path.poses())
+    ]
     starts = range(0, per_frame, per_frame // _PHASES)
     open_shutter = [instants[start : start + FRAMES * per_frame] for start in starts]
-    frames = np.reshape(open_shutter, (_PHASES, FRAMES, per_frame, *instants.shape[1:]))
+    frames = np.reshape(open_shutter, (_PHASES, FRAMES, per_frame, *instants[0].shape))
     forth = frames.mean(axis=2, dtype=np.float64)
     return np.concatenate([forth, forth[:, ::-1]], axis=1)
 
@@ -189,8 +183,6 @@ def _brightness(sensor: Sensor) -> float:
 
 LEAST = 2
 """Least number of passages to and fro; one says nothing about chance."""
-_CLEAR = 6.0
-"""Least change of the array's mean count by an edge, in standard deviations."""
 _SHARE_BEYOND = 0.25
 """An edge passes when the mean count goes from this close to one level to this close to the other,
 as a share of their difference."""
@@ -233,8 +225,8 @@ def cut_passages(counts: NDArray[Any], numbers: NDArray[Any] | None = None) -> N
 def _edges(level: Floats) -> Iterator[tuple[float, bool]]:
     """Yield frames, from the opening of the first, of half of the array hidden, and if it falls."""
     low, high = np.percentile(level, (5, 95))
-    # For a normal distribution the median distance of neighbors is 0.954 σ.
-    if not high - low > _CLEAR * np.median(np.abs(np.diff(level))) / 0.954:
+    # An edge is 6 σ or more; the median distance of neighbors, if normal, is 0.954 σ.
+    if not high - low > 6.0 * np.median(np.abs(np.diff(level))) / 0.954:
         raise ValueError(
             f"no edge passes, the mean count is {level.mean():.1f} per pixel in every frame; let "
             "the plate pass"

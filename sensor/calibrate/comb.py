@@ -41,8 +41,6 @@ from megalopta.sensor.calibrate.level import Drops, inverses, unit_diagonal
 
 HIDDEN_AT = 0.36
 """Read noise over step above which the comb is too faint to fit."""
-_CLEAR = 0.12
-"""Read noise over step below which no reading is between two peaks."""
 
 _NUDGE = 1e-4
 _STAGES, _ROUNDS_OF_START = 20, 2
@@ -133,9 +131,12 @@ def comb_period(drops: Drops, typical_v: float, within: float) -> tuple[Floats, 
 
 @compiled
 def _powers(
-    wave: NDArray[np.complex128], turn: NDArray[np.complex128], ends: NDArray[np.intp],
-    times: Floats, trials: int,
-) -> Floats:  # fmt: skip
+    wave: NDArray[np.complex128],
+    turn: NDArray[np.complex128],
+    ends: NDArray[np.intp],
+    times: Floats,
+    trials: int,
+) -> Floats:
     """Mean over readings of the squared mean phases of levels, one turn per trial."""
     power = np.zeros(trials)
     for at in range(len(ends) - 1):
@@ -192,7 +193,7 @@ def fit_comb(drops: Drops, step_v: Floats, offset_v: Floats, swing_v: float) -> 
     state = _started(drops, start)
     # readings between two peaks would bend the curve
     straight = _started(drops, start._replace(may_slope=False))
-    is_clear = bool(np.median(state.noise / state.solution[:, 2]) < _CLEAR)
+    is_clear = bool(np.median(state.noise / state.solution[:, 2]) < 0.12)  # no reading between
     if is_clear:
         weights = np.ones(len(drops.pixel))
         # peaks counted wrongly from some depth on also fit a slope, with more noise

@@ -28,21 +28,20 @@ from scipy.stats import beta, chi2
 
 from megalopta.core.arrays import Floats, Mask
 from megalopta.core.errors import UserError
-from megalopta.core.quantities import with_error
+from megalopta.core.quantities import percent, with_error
 from megalopta.sensor.calibrate import crosstalk, pixels
 from megalopta.sensor.calibrate.level import check_steadiness, conditions
 from megalopta.sensor.calibrate.misfit import Misfit, pooled_misfit
-from megalopta.sensor.calibrate.pixels import Estimate
+from megalopta.sensor.calibrate.pixels import Estimate, Quantity
 from megalopta.sensor.calibrate.recovery import Curves, DeadTimeEstimate, Recovery, fit_recovery
 from megalopta.sensor.calibrate.statistics import Statistics, statistics
+from megalopta.sensor.effects.crosstalk import Crosstalk
 from megalopta.sensor.effects.dead_time import DeadTime
 
+Talk = tuple[Crosstalk, float]
+"""Crosstalk, and the error of its mean"""
 _FEWEST_FRAMES = 50
 _FEWEST_ZEROS = 10
-_ROUNDS = 4
-_PIXELS = 2048
-_MOST_PARALYZED = 0.8
-"""Arrivals per paralyzable dead time up to which counts tell them; counts are most at 1"""
 
 
 class Summed(NamedTuple):
@@ -55,9 +54,11 @@ class Summed(NamedTuple):
     of: Statistics
     is_known: Mask | bool = True
     """Pixels (rows, columns) whose counts are known"""
+    name: str = ""
+    """Name in messages, such as its file's"""
 
     def __str__(self) -> str:
-        return conditions(self.light_hz, self.exposure_s)
+        return self.name or conditions(self.light_hz, self.exposure_s)
 
 
 def summed(
@@ -112,7 +113,7 @@ class Switching(NamedTuple):
     """Correlation time"""
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+@dataclass(frozen=True, eq=False, kw_only=True, repr=False)
 class CountingDevice:
     """Estimates of a counting or binary camera."""
 
@@ -136,11 +137,50 @@ class CountingDevice:
     """Why an estimate is missing, by its name"""
     fits: Mapping[str, Misfit]
     """Goodness of fit of the curves behind estimates, by their names"""
+    recordings: Sequence[Summed]
+    """Data behind the estimates"""
 
     @property
     def bad(self) -> Mask:
         """Pixels that show no light."""
         return self.dead | self.stuck | self.saturated
+
+    @property
+    def quantities(self) -> list[Quantity]:
+        """Estimates of every pixel."""
+        known = ("dark counts", "Hz", self.dark_counts_hz), ("efficiency", "", self.efficiency)
+        return [Quantity(name, unit, estimate) for name, unit, estimate in known if estimate]
+
+    @property
+    def sentence(self) -> str:
+        """Sentence on the estimates, and on those that are missing."""
+        return self.summary(self.quantities)
+
+    def __repr__(self) -> str:
+        return self.sentence
+
+    def summary(
+        self, quantities: Sequence[Quantity], talk: Talk | None = None, base: str = ""
+    ) -> str:
+        """Return the sentence on these quantities, crosstalk of hot pixels, and a preset's part."""
+        text = ", ".join(map(str, quantities))
+        text = f"{text[:1].upper()}{text[1:]} (medians of {self.bad.size} pixels ± 95 % CI of one)"
+        text += f", dead time {self.dead_time}" if self.dead_time else ""
+        if (kernel := self.kernel) is not None and kernel.seen:
+            differs = " by direction or parity of lines" if kernel.crosstalk.kernel else ""
+            text += f", crosstalk {crosstalk.text_of(kernel.seen)}{differs}"
+        elif kernel is not None and not talk:
+            text += f", crosstalk below {percent(kernel.limit)} per edge neighbor (95 %)"
+        switching = f", {self.telegraph.pixels.sum()} telegraph" if self.telegraph else ""
+        text += f". {self.bad.sum()} pixels are bad, {self.hot.sum()} hot{switching}."
+        if self.refused:
+            where = base and f", so the device file has those of {base}"
+            text += f" Not known{where}: {'; '.join(map(': '.join, self.refused.items()))}."
+        return text + "".join(
+            f" {name.capitalize()}: {misfit}, so intervals do not hold."
+            for name, misfit in self.fits.items()
+            if misfit.is_clear and name not in self.refused
+        )
 
 
 class _Recorded(NamedTuple):
@@ -158,6 +198,7 @@ class _Recorded(NamedTuple):
     spread: Floats
     """Variance over that of independent events"""
     is_binary: bool
+    names: Sequence[str]
 
     @property
     def total(self) -> Floats:
@@ -237,7 +278,7 @@ def calibrate_counts(recordings: Sequence[Summed], known: DeadTime | None = None
         reading=np.where(stuck, recordings[0].of.largest, np.where(dead, 0.0, -1.0)),
         saturated=~recorded.used.any(axis=0) & ~dead & ~stuck, hot=hot & ~dead & ~stuck,
         refused={name: reason for name, reason in estimates.items() if isinstance(reason, str)},
-        fits=fits,
+        fits=fits, recordings=recordings,
     )  # fmt: skip
 
 
@@ -278,8 +319,17 @@ def _usable(recordings: Sequence[Summed]) -> tuple[_Recorded, Mask, Mask, int | 
     error = np.sqrt((2 / np.maximum(number, 1) + 1 / np.maximum(total, 1 / frames)) / frames)
     spread = np.where((fano > 1 + 3 * error) & (not is_binary), fano, 1.0)
     recorded = _Recorded(
-        mean, variance, frames, exposure_s, light_hz, used, known, spread, is_binary
-    )  # fmt: skip
+        mean,
+        variance,
+        frames,
+        exposure_s,
+        light_hz,
+        used,
+        known,
+        spread,
+        is_binary,
+        [str(recording) for recording in recordings],
+    )
     return recorded, dead, stuck, capacity
 
 
@@ -323,7 +373,7 @@ def _dead_time(
     typical = np.median(counts[:, good], axis=1)
     near = np.abs(np.log(np.maximum(counts[:, good], 0.5) / typical[:, None])) < np.log(8)
     good = good[np.all(near | ~used[:, good], axis=0)]
-    some = good[np.linspace(0, good.size - 1, min(good.size, _PIXELS)).astype(int)]
+    some = good[np.linspace(0, good.size - 1, min(good.size, 2048)).astype(int)]
     frames = recorded.used * recorded.frames[:, None, None]
     mean, variance, frames = (
         maps.reshape(levels, -1)[:, some] for maps in (recorded.mean, recorded.variance, frames)
@@ -340,8 +390,8 @@ def _dead_time(
     if of.fit.misfit.is_clear:
         return (
             f"{recovery.kind}, {with_error(recovery.dead_s, 0, 's')}, fits best, but counts differ "
-            f"from its curve: a {of.fit.misfit.of} by {100 * of.fit.misfit.share:+.2g} %, as with "
-            "lights that are not as stated; no interval holds"
+            f"from its curve ({of.fit.misfit.summary(recorded.names)}), as with lights not as "
+            "stated; no interval holds"
         )
     live = np.median(mean / of.fit.arrivals_hz, axis=1) / recorded.exposure_s
     live *= 1 - recovery.fired
@@ -482,9 +532,11 @@ def _telegraph(
 
 
 def _efficiency(
-    recorded: _Recorded, recovery: Recovery | None, fitted: DeadTimeEstimate | None,
+    recorded: _Recorded,
+    recovery: Recovery | None,
+    fitted: DeadTimeEstimate | None,
     fits: dict[str, Misfit],
-) -> Estimate | str:  # fmt: skip
+) -> Estimate | str:
     """Slope of rates over light, by weighted least squares, or why not."""
     lights = np.unique(recorded.light_hz)
     if len(lights) < 2:
@@ -496,12 +548,12 @@ def _efficiency(
     line_hz = rate_hz
     if fitted is not None:  # of the typical pixel
         line_hz = np.median(fitted.fit.arrivals_hz, axis=1)[:, None, None] * np.ones_like(rate_hz)
-    for _ in range(_ROUNDS):
+    for _ in range(4):  # each with variances at the line of the previous one
         variance = [_variance(recorded, at, line_hz[at], recovery) for at in levels]
         weight = recorded.used / np.array(variance)
         if recovery is not None and recovery.kind == "paralyzable":
-            # near the maximum of the curve and beyond it, readings do not tell rates
-            weight *= line_hz * recovery.dead_s < _MOST_PARALYZED
+            # near the maximum of the curve, at 1, and beyond it, readings do not tell rates
+            weight *= line_hz * recovery.dead_s < 0.8
         s, sx, sxx, sy, sxy = (
             (weight * values).sum(axis=0)
             for values in (np.ones_like(light), light, light**2, rate_hz, light * rate_hz)
@@ -515,9 +567,8 @@ def _efficiency(
     fits["efficiency"] = pooled_misfit(rate_hz - line_hz, weight * (slope > 0), line_hz, 2)
     if fits["efficiency"].is_clear:
         return (
-            "rates are not proportional to light, a level differs by "
-            f"{100 * fits['efficiency'].share:+.2g} %; check the lights, or record dimmer and "
-            "brighter ones, so that dead time is found"
+            f"rates are not proportional to light ({fits['efficiency'].summary(recorded.names)}); "
+            "check the lights, or record dimmer and brighter ones, so that dead time is found"
         )
     shared = fitted.efficiency_error if fitted is not None else 0.0
     error = np.hypot(np.sqrt(slope_variance), shared * slope) / brightest

@@ -34,6 +34,7 @@ import numpy as np
 from scipy.stats import chi2
 
 from megalopta.core.arrays import Floats, Ints, Mask, robust_sigma
+from megalopta.core.quantities import with_error
 from megalopta.sensor.calibrate.statistics import OFFSETS, Statistics, both
 from megalopta.sensor.effects.crosstalk import REACH, Crosstalk, neighborhoods
 
@@ -126,6 +127,11 @@ class Kernel(NamedTuple):
     def are_afterpulses_seen(self) -> bool:
         """True if there are afterpulses beyond 3 standard errors."""
         return self.afterpulses > 3 * self.afterpulses_error
+
+
+def text_of(talk: tuple[Crosstalk, float]) -> str:
+    """Return the mean number of neighbors that an event fires, with the 95 % CI of its error."""
+    return with_error(100 * talk[0].mean_fired_neighbors, 196 * talk[1], "%")
 
 
 def neighbor_kernel(recording: Statistics, good: Mask, *, is_binary: bool = False) -> Kernel:

@@ -5,11 +5,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from megalopta.core.arrays import Floats
 from megalopta.sensor.calibrate.comb import HIDDEN_AT, CombFit, Curve, comb_period, fit_comb
 from megalopta.sensor.calibrate.counts import CountingDevice, Summed, calibrate_counts
 from megalopta.sensor.calibrate.level import Drops, Level, check_levels, drops_of, photon_transfer
-from megalopta.sensor.calibrate.pixels import Estimate
+from megalopta.sensor.calibrate.pixels import Estimate, Quantity
 from megalopta.sensor.calibrate.statistics import statistics
 from megalopta.sensor.effects.dead_time import DeadTime
 from megalopta.sensor.spad.counters import AnalogCounter
@@ -18,7 +17,7 @@ _LOUDEST = 2.0
 """Residual, relative to the comb's median, above which a pixel's fit has failed."""
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+@dataclass(frozen=True, eq=False, kw_only=True, repr=False)
 class AnalogDevice(CountingDevice):
     """Estimates of a device whose events an analog counter counts, and the data behind them."""
 
@@ -29,13 +28,18 @@ class AnalogDevice(CountingDevice):
     leak_v_s: Estimate
     step_v: Estimate
     read_noise_v: Estimate
-    mean_events: Floats
-    """Per frame, (levels, P); NaN: not known"""
     drops: Drops
     curve: Curve
     """Change of the step over the swing"""
     slope_error: float
     """Standard error of its slope; infinite if it is not determined"""
+
+    @property
+    def quantities(self) -> list[Quantity]:
+        """Estimates of every pixel."""
+        own = {"step": "step_v", "offset": "offset_v", "read noise": "read_noise_v"}
+        parts = [Quantity(name, "mV", getattr(self, field), 1e3) for name, field in own.items()]
+        return [*super().quantities, *parts, Quantity("leak", "mV/s", self.leak_v_s, 1e3)]
 
     @property
     def is_slope_seen(self) -> bool:
@@ -95,14 +99,11 @@ def calibrate_device(
     read_v = np.sqrt(np.maximum(fit.noise_v**2 - counter.lsb_v**2 / 12, 0))
     read_error = fit.noise_v**2 / np.sqrt(2 * np.maximum(fit.readings, 1))
     recordings = [_events(level, at, drops, fit, counter) for at, level in enumerate(levels)]
-    mean = np.divide(
-        fit.counts, drops.frames, np.full_like(fit.counts, np.nan), where=drops.frames > 0
-    )
     return AnalogDevice(
         **vars(calibrate_counts(recordings, known)),
         offset_v=offset, leak_v_s=leak, step_v=step,
         read_noise_v=Estimate.normal(read_v, read_error / np.maximum(read_v, 1e-12), shape),
-        mean_events=mean, drops=drops, curve=fit.curve, slope_error=fit.slope_error,
+        drops=drops, curve=fit.curve, slope_error=fit.slope_error,
     )  # fmt: skip
 
 

@@ -282,9 +282,11 @@ def without_dead_time(
 
 
 def _exact_steps(
-    sensor: Sensor | FrameSensor, shape: tuple[int, int], wavelength_nm: float,
+    sensor: Sensor | FrameSensor,
+    shape: tuple[int, int],
+    wavelength_nm: float,
     photons: Sequence[float] | Floats,
-) -> list[Step]:  # fmt: skip
+) -> list[Step]:
     """Steps of the middle of a device."""
     side = min(shape[0], _SIDE), min(shape[1], _SIDE)
     light = np.asarray(photons, np.float64)

@@ -107,7 +107,7 @@ class Level:
 
 
 def conditions(light_hz: float, exposure_s: float) -> str:
-    """Return in words how a recording was taken."""
+    """Return how a recording was taken, as text."""
     light = f"light of {short(light_hz)}" if light_hz else "dark"
     return f"{light}, exposure of {with_error(exposure_s, 0, 's')}"
 

@@ -1,5 +1,6 @@
 """Goodness of fit of a curve, by its residuals over all pixels."""
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -17,6 +18,8 @@ class Misfit(NamedTuple):
     """Chance of as large deviations; NaN: too few levels to tell"""
     of: str = "mean"
     """Moment that deviates most clearly"""
+    levels: tuple[tuple[int, float], ...] = ()
+    """Levels whose mean clearly deviates, and by how much, relative"""
 
     @property
     def is_clear(self) -> bool:
@@ -28,13 +31,27 @@ class Misfit(NamedTuple):
             return "not tested: too few levels"
         if not self.is_clear:
             return f"fits (p = {self.p:.2g})"
-        return f"does not fit: a {self.of} differs by {100 * self.share:+.2g} %"
+        return f"does not fit ({self.summary()})"
+
+    def summary(self, names: Sequence[object] = ()) -> str:
+        """Tell which levels, of these names, deviate by how much: "flat.npy 19 times as high"."""
+        if not (names and self.levels):
+            return f"a {self.of} {_relative(self.share)}"
+        return "; ".join(f"{names[level]} {_relative(share)}" for level, share in self.levels)
+
+
+def _relative(share: float) -> str:
+    text = f"{100 * abs(share):.2g} % too {'high' if share > 0 else 'low'}"
+    return f"{1 + share:.2g} times as high" if share > 1 else text
 
 
 def pooled_misfit(
-    left: Floats, weight: Floats, mean: Floats, parameters: int,
+    left: Floats,
+    weight: Floats,
+    mean: Floats,
+    parameters: int,
     variances: tuple[Floats, Floats] = (np.empty(0), np.empty(0)),
-) -> Misfit:  # fmt: skip
+) -> Misfit:
     """Return how far levels, over all pixels, are from curves with so many parameters.
 
     Residuals, their weights (0: unknown) and fitted means are (levels, …); `variances` are relative
@@ -43,12 +60,18 @@ def pooled_misfit(
     pixels = tuple(range(1, left.ndim))
     number = (weight > 0).sum(axis=pixels)
     apart, mean = ((of * (weight > 0)).sum(axis=pixels) for of in (left, mean))
-    z_of_means = (left * np.sqrt(weight)).sum(axis=pixels)[number > 0] / np.sqrt(number[number > 0])
+    some = np.flatnonzero(number)
+    z_of_means = (left * np.sqrt(weight)).sum(axis=pixels)[some] / np.sqrt(number[some])
     share, error = (of[np.isfinite(variances[1])] for of in variances)
     z = np.concatenate((z_of_means, share / error))
     if z.size <= parameters:
         return Misfit(0.0, np.nan)
     clearest = int(np.argmax(np.abs(z)))
-    shares = np.concatenate(((apart / np.maximum(mean, 1e-300))[number > 0], share))
+    of_means = (apart / np.maximum(mean, 1e-300))[some]
+    size = np.abs(np.log1p(of_means.clip(-0.999)))
+    clear = (np.abs(z_of_means) > 5) & (size > max(1e-3, 0.2 * size.max(initial=0)))
+    levels = tuple(zip(some[clear].tolist(), of_means[clear].tolist(), strict=True))
+    shares = np.concatenate((of_means, share))
     p = float(chi2.sf(np.square(z).sum(), z.size - parameters))
-    return Misfit(float(shares[clearest]), p, "mean" if clearest < z_of_means.size else "variance")
+    moment = "mean" if clearest < z_of_means.size else "variance"
+    return Misfit(float(shares[clearest]), p, moment, levels)

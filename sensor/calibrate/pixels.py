@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from megalopta.core.arrays import Floats, Mask
+from megalopta.core.quantities import with_error
 from megalopta.sensor.calibrate.statistics import LAGS, Statistics
 
 _95 = 1.959964
@@ -67,12 +68,36 @@ def hot_pixels(low: Floats, dark: Floats, high: Floats, times: float = 10.0) -> 
     """Mark pixels with surely more dark counts than `times` the median, by 95 % CI (low, high).
 
     NaN: unknown. Where most pixels have no count, the median is 0, though the array has dark
-    counts: instead of it, the mean of pixels that may have no more than it. Noise of the readings
+    counts: instead of it, the mean of pixels that may have as few. Noise of the readings
     can make both negative: instead of them, 0.
     """
     ordinary = dark[dark <= np.nanmedian(high)]
     typical = max(0.0, float(np.nanmedian(dark)), float(ordinary.mean()) if ordinary.size else 0.0)
     return np.asarray(low > times * typical)
+
+
+class Quantity(NamedTuple):
+    """One estimate of every pixel, as a page or a sentence shows it."""
+
+    name: str
+    unit: str
+    estimate: Estimate
+    scale: float = 1.0
+    """Factor to that unit"""
+
+    @property
+    def text(self) -> str:
+        """Median over pixels, and of the half widths of their 95 % CI: "315 ± 9 Hz"."""
+        widths = self.scale * (self.estimate.high - self.estimate.low) / 2
+        half_width = float(np.nanmedian(widths)) if np.isfinite(widths).any() else np.nan
+        return with_error(self.scale * self.estimate.median, half_width, self.unit)
+
+    def __str__(self) -> str:
+        """Name, text, and the mean where it is clearly another."""
+        values, mean = self.scale * self.estimate.value, ""
+        if np.isfinite(values).any() and abs(np.nanmean(values) / np.nanmedian(values) - 1) > 0.03:
+            mean = f", mean {with_error(float(np.nanmean(values)), 0, self.unit)}"
+        return f"{self.name} {self.text}{mean}"
 
 
 class Correlation(NamedTuple):

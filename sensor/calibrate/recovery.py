@@ -24,6 +24,7 @@ import numpy as np
 
 from megalopta.core.arrays import Floats
 from megalopta.core.errors import UserError
+from megalopta.core.quantities import between, with_error
 from megalopta.sensor.calibrate.level import inverses
 from megalopta.sensor.calibrate.misfit import Misfit, pooled_misfit
 from megalopta.sensor.effects.afterpulsing import Afterpulsing
@@ -37,8 +38,6 @@ _SLOW = ("recharge_s", "twilight_s")
 _NODES, _ROUNDS, _NUDGE = 4, 20, 1e-3
 _CLEAR, _95, _FAR = 12.0, 3.84, 1000.0
 """Differences of χ² between models that differ, within a 95 % CI, and beyond that of any delay"""
-_VARIANCE_ERROR = 1e-3
-"""Error of the model's variance"""
 
 
 class Recovery(NamedTuple):
@@ -213,9 +212,12 @@ def _equations(
 
 
 def _fitted(
-    curves: Curves, start: Recovery, names: tuple[str, ...], rounds: int = _ROUNDS,
+    curves: Curves,
+    start: Recovery,
+    names: tuple[str, ...],
+    rounds: int = _ROUNDS,
     near: Fit | None = None,
-) -> Fit:  # fmt: skip
+) -> Fit:
     """Fit some parameters, and dark counts and efficiency of each pixel, at first those nearby."""
     own, alone = (_first_rates(curves, start), 2) if near is None else (near.own, 0)
     recovery, light_hz, least = start, curves.light_hz, np.inf
@@ -247,9 +249,7 @@ def _fitted(
     covariance = covariance * (1 + 2 * curves.talk)
     shared = np.einsum("pj,jk,pk->p", of.mixed[:, 1], covariance, of.mixed[:, 1]) / own[1] ** 2
     efficiency_error = float(np.sqrt(np.median(shared)))
-    return Fit(
-        recovery, names, covariance, of.chi2, of.misfit, arrivals_hz, own, efficiency_error
-    )  # fmt: skip
+    return Fit(recovery, names, covariance, of.chi2, of.misfit, arrivals_hz, own, efficiency_error)
 
 
 def _variance_ratios(curves: Curves, variance: Floats) -> tuple[Floats, Floats]:
@@ -262,7 +262,7 @@ def _variance_ratios(curves: Curves, variance: Floats) -> tuple[Floats, Floats]:
     error = np.sqrt(square) / np.maximum(number, 1)
     # of a single pixel, as of normal counts
     alone = np.sqrt(2 / np.maximum(curves.frames.max(axis=1), 1))
-    error = np.hypot(np.where(number > 9, error, alone), _VARIANCE_ERROR)
+    error = np.hypot(np.where(number > 9, error, alone), 1e-3)  # error of the model's variance
     return np.where(number > 0, mean, 1.0), np.where(number > 0, error, np.inf)
 
 
@@ -285,6 +285,20 @@ class DeadTimeEstimate(NamedTuple):
     def recovery(self) -> Recovery:
         """Parameters of the fit."""
         return self.fit.recovery
+
+    def __str__(self) -> str:
+        """Dead time and kind, with recharging, twilight and delay, and what is not excluded."""
+        dead_s, most = with_error(self.recovery.dead_s, 1.96 * self.error_s, "s"), []
+        doubt = "" if self.is_kind_clear else "kind undetermined, taken as "
+        text = f"{dead_s} ({doubt}{self.recovery.kind}"
+        for name, word in (("recharge_s", "recharging"), ("twilight_s", "twilight")):
+            if seconds := getattr(self.recovery, name):
+                text += f", {word} {with_error(seconds, 0, 's')}"
+            if (limit_s := self.slow_limits.get(name, np.inf)) < self.recovery.dead_s:
+                most.append(f"{word} up to {with_error(limit_s, 0, 's')}")
+        if self.delays_s is not None:
+            text += f"; afterpulses after {between(*self.delays_s, 's')} (95 % CI)"
+        return text + (f"; not excluded: {' or '.join(most)})" if most else ")")
 
 
 def fit_recovery(curves: Curves, fired: float) -> DeadTimeEstimate:
@@ -332,7 +346,7 @@ def fit_recovery(curves: Curves, fired: float) -> DeadTimeEstimate:
     error_s, fired_error, efficiency_error = (np.max(ends, axis=0) / np.sqrt(_95)).tolist()
     return DeadTimeEstimate(
         best, error_s, fired_error, efficiency_error, is_kind_clear, delays_s, limits
-    )  # fmt: skip
+    )
 
 
 def _start(curves: Curves, kind: DeadTimeKind, fired: float) -> Fit:

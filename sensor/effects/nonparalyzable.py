@@ -85,9 +85,11 @@ def _summed(x: Floats, a: Floats, near: Floats, is_stationary: bool) -> tuple[Fl
             mean += reached
             square += (2 * extra - 1) * reached
     if not is_stationary:
-        return certain + mean, square - mean**2
-    mean = x / (1 + a)
-    return mean, 2 * integral / (1 + a) + mean - mean**2
+        variance = square - mean**2
+    else:
+        certain, mean = 0 * x, x / (1 + a)
+        variance = 2 * integral / (1 + a) + mean - mean**2
+    return certain + mean, np.maximum(variance, 0.0)  # of whole dead times it is that of rounding
 
 
 @compiled

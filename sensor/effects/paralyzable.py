@@ -97,7 +97,7 @@ def _moments(x: float, dead_fraction: float, is_stationary: bool) -> tuple[float
         later = q * _h(once)
         mean = later + _at_least_one(x)
         pairs = later + q**2 * (twice**2 / 2 - _h(twice))
-    return mean, 2 * pairs + mean - mean**2
+    return mean, max(2 * pairs + mean - mean**2, 0.0)  # rounding of numbers that hardly vary
 
 
 @compiled

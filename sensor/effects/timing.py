@@ -60,16 +60,12 @@ def stamp(rng: np.random.Generator, times_s: Floats, jitter: Jitter) -> Floats:
     return stamps
 
 
-_FINEST = 64
-"""Parts of a bin, at most, in which light is constant."""
 _PER_SIGMA = 4.0
 _FARTHEST = 9.0
 """Standard deviations after which a pulse has ended."""
 _LATEST = 30.0
 _SHORT = 1e-5
 """Decay over standard deviation below which it is a delay."""
-_VALUES_AT_ONCE = 2**22
-"""Parts of bins whose light is computed at once, over pixels: 32 MiB."""
 
 
 class Tcspc(Effect, frozen=True):
@@ -117,7 +113,8 @@ def first_photon_shares(
     widths_s = tcspc.pulse_sigma_s, tcspc.decay_s, jitter.sigma_s, jitter.tail_s
     blur_s = [width_s for width_s in widths_s if width_s > 0]
     bin_s = tcspc.period_s / tcspc.bins
-    parts = int(np.clip(np.ceil(_PER_SIGMA * bin_s / min(blur_s)), 1, _FINEST)) if blur_s else 1
+    # light is constant in each of at most 64 parts of a bin
+    parts = int(np.clip(np.ceil(_PER_SIGMA * bin_s / min(blur_s)), 1, 64)) if blur_s else 1
     fine = tcspc.bins * parts
     ends = tcspc.period_s * np.arange(fine + 1) / fine
     opened: Any = 1.0  # share of time
@@ -136,7 +133,7 @@ def first_photon_shares(
     is_blurred = jitter.is_on or not is_instant
     arrivals = np.stack(np.broadcast_arrays(pulsed, constant), axis=-1)
     shares = np.empty((arrivals[..., 0].size, tcspc.bins))
-    at_once = max(1, _VALUES_AT_ONCE // fine)
+    at_once = max(1, 2**22 // fine)  # values, 32 MiB
     for start in range(0, len(shares), at_once):
         pixels = slice(start, start + at_once)
         of_pulse, steady = arrivals.reshape(-1, 2, 1)[pixels].swapaxes(0, 1)

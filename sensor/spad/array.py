@@ -38,10 +38,6 @@ from megalopta.sensor.spad.simulation import PixelState, simulate_frame
 MOST_STORED = 5e7
 """Most events of a frame whose times are kept: about 3 GB while drawn and sorted."""
 Reading: TypeAlias = Literal["counts", "codes", "bits", "events"]
-_AT_ONCE = 16
-"""Exposures of a sum drawn together"""
-_FEW_PIXELS = 2**15
-"""Below this number of pixels in all frames, one thread draws them."""
 
 
 class ArrayState(NamedTuple):
@@ -184,7 +180,7 @@ def expose_frames(
     if sensor.count_distribution == "simulated" and not in_turn:
         # the brightest first, so that light that cannot be drawn is refused at once
         order.sort(key=lambda first: -rate_hz[first].max(initial=0))
-    streams.over_frames(expose_block, order, in_turn or math.prod(shape) < _FEW_PIXELS)
+    streams.over_frames(expose_block, order, in_turn or math.prod(shape) < 2**15)  # few: one thread
     if is_direct:
         np.greater_equal(readings, counter.capacity, out=saturated)
     if device.stuck is not None:
@@ -234,7 +230,7 @@ def _sum_of_exposures(
             total, first = total + bits.astype(np.uint32), first + exposures
             continue
         while exposures:
-            together = np.broadcast_to(light_hz, (min(_AT_ONCE, exposures), *shape))
+            together = np.broadcast_to(light_hz, (min(16, exposures), *shape))  # exposures at once
             named = streams.Draw(draw.seed, draw.stream, first, period_s)
             drawn, state = expose_frames(
                 together, part, named, "counts", is_running=is_running, state=state

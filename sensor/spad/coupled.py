@@ -47,7 +47,6 @@ from megalopta.sensor.spad.model import AvalancheEffects
 MOST_COUPLED, MOST_FIRED = 1.1, 0.3
 """Largest rate times dead time at which moments with stronger crosstalk than this are stated."""
 _ROUNDS, _SETTLED = 80, 1e-7
-_STEP = 1e-3
 
 Moments = tuple[Floats, Floats]
 
@@ -97,7 +96,7 @@ def coupled_moments(
     typical_hz = np.maximum(arrivals_hz - _ratio(squares, arrivals_hz), 0.0)
     typical_mean, variance = pixel_moments(typical_hz, exposure_s, alone, maps)
     others_hz = np.maximum(arrivals_hz - _ratio(squares, light_hz), 0.0)
-    step_hz = np.maximum(others_hz, 1e-3 / open_s) * _STEP
+    step_hz = np.maximum(others_hz, 1e-3 / open_s) * 1e-3  # 0.1 % for the slope
     more, less = (
         pixel_moments(others_hz + sign * step_hz, exposure_s, alone, maps)[0] for sign in (1, 0)
     )

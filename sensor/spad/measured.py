@@ -35,6 +35,9 @@ class MapFile(BaseModel, frozen=True, extra="forbid", use_attribute_docstrings=T
     """Path of the file."""
     sha256: Annotated[str, Field(pattern="^[0-9a-f]{64}$")] | None = None
     """Expected SHA-256 hash of the file; another one raises an error; null: not checked."""
+    fill_factor: Annotated[float | None, Field(exclude_if=lambda share: share is None)] = None
+    """Of an efficiency: the fill factor with which it was measured; with another one, the map would
+    be of other pixels, and is refused; null: not checked."""
 
     @model_validator(mode="before")
     @classmethod

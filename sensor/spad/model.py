@@ -136,6 +136,13 @@ class Sensor(PixelOptics, frozen=True):
                 "measured.stuck: readings of an analog counter are not given by a count; remove "
                 "the map, or use a digital counter"
             )
+        of_map = getattr(self.measured.efficiency, "fill_factor", None) or self.fill_factor
+        if of_map != self.fill_factor:
+            raise ValueError(
+                f"fill_factor: {self.fill_factor:g}, but measured.efficiency was calibrated with "
+                f"{of_map:g}, as a factor on whole pixels; leave {of_map:g}, or state yours in the "
+                "--preset file of spadcam calibrate"
+            )
         for name in self.measured.relative:
             if getattr(self.measured, name) and not getattr(self, name).is_on:
                 raise ValueError(

@@ -55,15 +55,8 @@ MEAN_ERROR, VARIANCE_ERROR, VARIANCE_FLOOR = 1e-3, 1e-2, 0.02
 _BRIGHT, _PER_ROOT_CARRIER, _PER_CARRIER, _MANY_COUNTS = 10.0, 25.0, 200.0, 500.0
 """Least arrivals per dead time, more with carriers or with a gate or table besides, and least
 counts: errors of the variance below 1 %."""
-_NEVER = 1e-5
-"""Counts of a paralyzable pixel after its first that are neglected."""
-_EVEN = 0.7
-"""Variance from which the moments of a rounded number are even, to 3e-5."""
-_FEW_RATES = 8
 _FEWEST_ARRIVALS, _NO_COUNTS = 1e-4, 1e-7
 _NODES = (1 - np.cos(np.pi * np.arange(9) / 8)) / 2
-_MOST_WORK = 1e9
-"""Operations for all rates of a frame, about 20 s."""
 _FACTORS, _MOST_OFF = (3, 5, 9, 17), 0.01
 _one_at_a_time = Lock()
 
@@ -143,7 +136,7 @@ def pixel_moments(
         return np.divide(moments, alone, np.ones_like(moments), where=is_known)
 
     of_mean, of_variance = _over_factors(ratios, effects, maps)
-    return mean * of_mean, variance * of_variance
+    return mean * of_mean, variance * of_variance.clip(0)
 
 
 def mean_rate(rate_hz: Floats, exposure_s: float, effects: AvalancheEffects) -> Floats:
@@ -180,7 +173,8 @@ def is_limit(
         never = dead.is_closed_form & (dead.kind == "nonparalyzable") & is_bright
         return np.asarray(is_closed & (is_alone | never))
     if dead.kind == "paralyzable":
-        return np.asarray(rate_hz * exposure_s * np.exp(-per_dead_time) < _NEVER)
+        # fewer counts after its first are neglected
+        return np.asarray(rate_hz * exposure_s * np.exp(-per_dead_time) < 1e-5)
     return np.asarray(is_bright & (exposure_s > _MANY_COUNTS * dead_s))
 
 
@@ -227,7 +221,7 @@ def bright_moments(
         rounded = 1 / 6 - (waves * np.exp(-2 * (np.pi * k) ** 2 * variance.ravel())).sum(axis=0)
         return mean, variance + rounded.reshape(mean.shape)
     mean, variance = (exposure_s - first_s) / gap_s + (1 + per_gap) / 2, variance + 1 / 12
-    few = variance < _EVEN
+    few = variance < 0.7  # else even, to 3e-5
     dead_s, first_s, wait_s, variance_s2 = (
         np.broadcast_to(value, few.shape)[few] for value in (dead_s, first_s, wait_s, variance_s2)
     )
@@ -325,7 +319,7 @@ def _at_rates(
     """Mean and variance at rates of any shape, for a share of the longest time."""
     rates_hz, place = np.unique(rate_hz, return_inverse=True)
     with _one_at_a_time:  # other threads would repeat the work
-        if rates_hz.size <= _FEW_RATES:
+        if rates_hz.size <= 8:  # few rates need no interpolation
             moments = np.array([_of_pixel(rate, exposure_s, effects)[:2] for rate in rates_hz])
             moments = moments.reshape(-1, 2)
         else:
@@ -349,7 +343,7 @@ def _in_pieces(
             nodes = width * (number + _NODES)
             at_nodes, work = _piece(width, float(number), exposure_s, effects)
             total_work += work
-            if total_work > share * _MOST_WORK:
+            if total_work > share * 1e9:  # operations, about 20 s
                 raise UserError(
                     f"mean and variance at up to {10 ** log_arrivals[-1] / exposure_s:.3g} "
                     "detections and dark counts per second take too long to compute with these "

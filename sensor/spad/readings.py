@@ -44,8 +44,6 @@ _STEPS = 8
 """Distributions while 2·√a moves by 1."""
 _POINTS, _BLOCK = 6, 64
 """Distributions that a polynomial connects, and that are computed and kept together."""
-_LARGEST_BLOCK = 1_000_000
-"""Limit of kept probabilities; more are not worth their memory."""
 _FEW_MISREAD = 1e-5
 _FAR = 7.0
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(32)
@@ -184,7 +182,7 @@ def _distributions(
     arrivals = x**2 / 4
     mean, variance = count_moments(arrivals / exposure_s, exposure_s, effects)
     least, most = likely_events(mean, variance)
-    if (most - least).max() * arrivals.size > _LARGEST_BLOCK:
+    if (most - least).max() * arrivals.size > 1_000_000:  # probabilities, too many to keep
         return None
     first, probability = event_distribution(arrivals, mean, variance, exposure_s, effects)
     return first, probability, *_sums(first, probability)

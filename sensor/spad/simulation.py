@@ -18,7 +18,7 @@ import numpy as np
 
 from megalopta.core.arrays import Floats, Ints
 from megalopta.sensor.effects.base import AvalancheMaps
-from megalopta.sensor.spad.kernel import ENTRY, KINDS, Entries, parameters_of, run_frame
+from megalopta.sensor.spad import kernel
 from megalopta.sensor.spad.model import AvalancheEffects
 
 
@@ -27,7 +27,7 @@ class PixelState(NamedTuple):
 
     dead_until_s: Floats
     """End of the last dead time, (N,)"""
-    pending: Entries
+    pending: kernel.Entries
     """Released carriers and twilight pulses, in the order of pixels"""
 
 
@@ -73,9 +73,9 @@ def simulate_frame(
     rates = rate_hz if rate_hz.ndim == 3 else rate_hz[None]
     _, rows, columns = rates.shape
     maps = maps or AvalancheMaps(*(np.ones((1, 1)) for _ in range(3)))
-    parameters, tables = parameters_of(rates, exposure_s, effects, maps)
+    parameters, tables = kernel.parameters_of(rates, exposure_s, effects, maps)
     if state is None:
-        state = PixelState(np.full(rows * columns, np.nan), np.empty(0, ENTRY))
+        state = PixelState(np.full(rows * columns, np.nan), np.empty(0, kernel.ENTRY))
     else:
         parameters = parameters._replace(start_s=0.0)
     dead_until_s = state.dead_until_s.copy()
@@ -83,10 +83,10 @@ def simulate_frame(
     if arrivals is not None:
         given = np.append(arrivals[0], np.inf), np.append(arrivals[1], 0)
         parameters = parameters._replace(is_coupled=True)
-    counts, events, left = run_frame(
+    counts, events, left = kernel.run_frame(
         rng, parameters, tables, keep_events, dead_until_s, state.pending, given
     )
-    left = left[np.argsort(left["owner"] // KINDS, kind="stable")]
+    left = left[np.argsort(left["owner"] // kernel.KINDS, kind="stable")]
     left["time_s"] -= exposure_s
     times_s, pixels = np.ascontiguousarray(events["time_s"]), np.ascontiguousarray(events["owner"])
     after = PixelState(dead_until_s - exposure_s, left)

@@ -72,12 +72,41 @@ def test_counts_give_a_device_that_sense_can_use(tmp_path):
         "path: flat.tif, exposure_s: 0.001, light: 2.0e+4",
     )
     assert "medians of 192 pixels" in sentence and "0 pixels are bad, 0 hot" in sentence
-    assert "dead time: needs counts under two lights" in sentence
+    assert "has those of ideal: dead time: needs counts under two lights" in sentence
     counts = expose_rate(np.zeros((300, *SHAPE)), device, seed=1, stream="dark").counts
     # 2.3 million dark counts of a device calibrated with 0.6 million, 0.15 %: six errors
     assert counts.mean() / device.exposure_s == pytest.approx(DARK_HZ, rel=0.009)
-    assert "efficiency (%)" in page
+    assert "± 95 % CI of efficiency (%)" in page and "variance of readings" in page
     assert np.load(tmp_path / "device" / "bad.npy").sum() == 0
+
+
+@pytest.mark.slow
+def test_a_base_file_and_lights_that_cannot_be_as_stated(tmp_path, capsys):
+    for name, mean in (("dark", DARK_HZ * 0.02), ("flat", DARK_HZ * 1e-3 + EFFICIENCY * 20)):
+        written(tmp_path, name, mean)
+    base = tmp_path / "base.yaml"
+    base.write_text("preset: ideal\nfill_factor: 0.5\npitch_m: 2.0e-5\ncounter: {capacity: 4095}\n")
+    for light in (2e4, 20.0):  # the second one of an exposure
+        flat = f"path: flat.tif, exposure_s: 0.001, light: {light:.1e}"
+        (tmp_path / "list.yaml").write_text(lines("path: dark.tif, exposure_s: 0.02", flat))
+        words, out = (
+            ["spadcam", "calibrate", str(tmp_path / "list.yaml")],
+            tmp_path / f"{light}.yaml",
+        )
+        words += ["--wavelength-nm", "600", "--preset", str(base), "--out", str(out)]
+        if light < 1e3:
+            with pytest.raises(SystemExit):
+                main(words)
+            assert "more counts than photons; check LIGHT" in capsys.readouterr().err
+            assert not out.exists()
+            continue
+        main(words)
+        device = load_sensor(out)
+        assert (device.pitch_m, device.counter.capacity) == (2e-5, 4095)
+        pde = np.median(draw_fixed_pattern(device, SHAPE).efficiency_factor)
+        pde *= device.photon_detection_efficiency(np.array(600.0))
+        assert pde == pytest.approx(EFFICIENCY, rel=0.009)  # as above
+        assert "; dead time of " in device.source
 
 
 def test_the_page_has_the_figures_of_emva_1288(tmp_path):
@@ -202,14 +231,17 @@ def test_a_folder_of_sums_is_calibrated_compared_and_recognized(tmp_path, capsys
 @pytest.mark.parametrize(
     ("words", "told"),
     [
-        ("dark.npy:1e-2", r"'dark\.npy:1e-2': give RECORDING@LIGHT:EXPOSURE_S"),
+        ("dark.npy:1e-2", r"'dark\.npy:1e-2': give RECORDING@LIGHT:SECONDS"),
         ("flat@bright", "give RECORDING@LIGHT:SECONDS"),
         ("flat@-1", "light"),
         ("flat@1:0", "exposure_s"),
         ("nothing.yaml", r"cannot be read \(No such file or directory\); give a YAML"),
         (["path: dark.tif, exposure_s: 0"], "exposure_s"),
         (["path: dark.tif, lens: 2"], "lens"),
-        (["path: flat.npy, exposure_s: 1e-3, light: 1e6"], "--wavelength-nm 5000: sensor 'ideal'"),
+        (
+            ["path: flat.npy, exposure_s: 1e-3, light: 1e6"],
+            "5000: the device's .* from 200 to 2000 nm",
+        ),
         (["path: flat.npy, light: 1e6"], "exposure is unknown"),
         (["path: flat.npy, exposure_s: 1e-3, frames: [10, 99]"], "it has 60"),
     ],

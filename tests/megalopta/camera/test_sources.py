@@ -72,6 +72,7 @@ def test_statement_wins_over_yaml_over_name(tmp_path, capsys, words, settings, e
     (source,) = named_sources([f"{tmp_path}/flat_2e7_10us{words}"])
     assert (source.exposure_s, source.light) == (pytest.approx(exposure_s), 2e7)
     assert told in capsys.readouterr().err
+    assert told in source.contradictions and bool(told) == bool(source.contradictions)
 
 
 def test_header_wins_over_name(tmp_path, capsys):
@@ -93,18 +94,26 @@ def test_layout_next_to_raw_files_holds_for_all(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("settings", "told"),
+    ("names", "settings", "told"),
     [
-        ("path: ../x", "path: unknown key"),
-        ("layout: {order: lsb}", "layout"),
-        ("[", "not valid YAML"),
+        (["dark_1ms/"], "path: ../x", "path: unknown key"),
+        (["dark_1ms/"], "layout: {order: lsb}", "layout"),
+        (["dark_1ms/"], "[", "not valid YAML"),
+        (["flat_2e7/"], "", "exposure is unknown; .*dark: @0:SECONDS.* as flat_2e7_10us"),
+        (["flat_10us/"], "", "light is unknown"),
+        (["dark_10us_", "flat_10us_"], "", "several recordings, dark_10us_0.png, flat"),
     ],
 )
-def test_unknown_keys_are_refused(tmp_path, settings, told):
-    pictures(tmp_path / "dark_1ms")
-    (tmp_path / "dark_1ms/recording.yaml").write_text(settings)
+def test_unknown_keys_and_conditions_are_told_before_anything_is_read(
+    tmp_path, names, settings, told
+):
+    for name in names:
+        folder, _, start = f"./{name}".rpartition("/")
+        pictures(tmp_path / folder, name=start)
+        if settings:
+            (tmp_path / folder / "recording.yaml").write_text(settings)
     with pytest.raises(UserError, match=told):
-        named_sources([str(tmp_path / "dark_1ms")])
+        named_sources([str(tmp_path)])
 
 
 def test_zeros_and_ones_beside_counts_are_counts(tmp_path):
@@ -114,26 +123,6 @@ def test_zeros_and_ones_beside_counts_are_counts(tmp_path):
     assert not read_recorded(dark).is_binary and not read_recorded(flat).is_binary
     (alone,) = named_sources([str(tmp_path / "dark_1ms")])
     assert read_recorded(alone).is_binary
-
-
-@pytest.mark.parametrize(
-    ("name", "told"),
-    [
-        ("flat_2e7", "exposure is unknown; give .* as flat_2e7_10us"),
-        ("flat_10us", "light is unknown"),
-    ],
-)
-def test_missing_conditions_are_told_before_anything_is_read(tmp_path, name, told):
-    pictures(tmp_path / name)
-    with pytest.raises(UserError, match=told):
-        named_sources([str(tmp_path)])
-
-
-def test_pictures_of_several_recordings_are_refused(tmp_path):
-    pictures(tmp_path, name="dark_10us_")
-    pictures(tmp_path, name="flat_10us_")
-    with pytest.raises(UserError, match="pictures of several recordings, dark_10us_0.png, flat"):
-        named_sources([str(tmp_path)])
 
 
 def test_links_are_refused(tmp_path):

@@ -5,6 +5,7 @@ import pytest
 
 from megalopta.sensor import DigitalCounter, changed, expose_rate, preset
 from megalopta.sensor.calibrate.counts import calibrate_counts, summed, summed_bits
+from megalopta.sensor.calibrate.misfit import pooled_misfit
 from megalopta.sensor.calibrate.pixels import correlation
 from megalopta.sensor.calibrate.statistics import statistics
 from megalopta.sensor.spad.device import draw_fixed_pattern
@@ -189,11 +190,20 @@ def test_lights_that_are_not_as_stated_are_refused():
     found = calibrate_counts(wrong)
     assert found.efficiency is None
     assert "not proportional to light" in found.refused["efficiency"]
+    assert "Not known: dead time" in found.sentence == str(found)
     with pytest.raises(ValueError, match="no brighter than the dark"):
         calibrate_counts([*levels, levels[0]._replace(light_hz=1e6)])
     counts = frames_of(camera(8), 1e-4, 1e6, 200)
     with pytest.raises(ValueError, match="drifts"):
         summed(counts + np.linspace(0, 3, 200)[:, None, None], 1e-4, 1e6, is_binary=False)
+
+
+def test_recordings_far_from_a_curve_are_named_with_readable_numbers():
+    left = np.array([[0.0] * 50, [180.0] * 50, [-9.0] * 50, [0.4] * 50])
+    misfit = pooled_misfit(left, np.ones((4, 50)), np.full((4, 50), 10.0), 2)
+    assert misfit.is_clear and misfit.summary() == "a mean 19 times as high"
+    told = misfit.summary(["dark.tif", "led_A.tif", "led_C.tif", "led_B.tif"])
+    assert told == "led_A.tif 19 times as high; led_C.tif 90 % too low"
 
 
 @pytest.mark.slow

@@ -127,9 +127,7 @@ def test_pairs_of_rows_are_seen_by_coincidences_of_lognormal_dark_counts():
     assert not dark.is_seen and 0 < dark.limit < 2e-3
 
 
-PAIRS = Crosstalk(
-    mean_fired_neighbors=0.05, diagonal=0.3, distance_two=0.05, distance_three=0.01
-)  # fmt: skip
+PAIRS = Crosstalk(mean_fired_neighbors=0.05, diagonal=0.3, distance_two=0.05, distance_three=0.01)
 
 
 def test_crosstalk_of_bits_is_that_of_the_events_that_make_them():

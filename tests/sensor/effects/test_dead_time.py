@@ -182,3 +182,17 @@ def test_draws_have_the_moments_of_the_closed_form(kind, a, arrivals, start):
 def test_impossible_rates_exposures_and_times_are_refused(rate_hz, exposure_s, fields, message):
     with pytest.raises(ValueError, match=message):
         draw_counts(generator(0), [1.0, rate_hz], exposure_s, DeadTime(**fields))
+
+
+@pytest.mark.parametrize(
+    ("kind", "start"), [*product(("nonparalyzable", "paralyzable"), ("live", "stationary"))]
+)
+def test_moments_hold_where_nearly_whole_dead_times_fill_the_exposure(kind, start):
+    dead, rate_hz = dead_time(kind, start, 5.999389e-8), np.geomspace(1e7, 1e14, 400)
+    mean, variance = moments(rate_hz, 1e-4, dead)
+    assert variance.min() >= 0
+    for at in range(0, 400, 57):
+        counts = draw_counts(generator(2, kind, f"{at}"), np.full(20_000, rate_hz[at]), 1e-4, dead)
+        assert abs(counts.mean() - mean[at]) <= 5 * np.sqrt(variance[at] / 20_000) + 1e-3
+        # 20 000 draws: 5 errors of the variance of normal counts are 5 %, of two numbers as much
+        assert counts.var() == pytest.approx(variance[at], rel=0.06, abs=2e-3)

@@ -224,3 +224,15 @@ def test_readings_that_a_counter_cannot_have_are_refused(folder, reading):
     unchecked = sensors.changed(sensor, measured={"stuck": str(folder / "stuck.npy")})
     with pytest.raises(ValueError, match=r"measured\.stuck: .* no reading of this counter; give"):
         sensors.expose_rate(np.full((1, *SHAPE), 1e3), unchecked, seed=1, stream="stuck")
+
+
+def test_another_fill_factor_than_that_of_a_calibrated_efficiency_is_refused(folder):
+    device = {"preset": "ideal", "name": "mine", "fill_factor": 0.3}
+    of_map = {"path": "efficiency.npy", "fill_factor": 0.3}
+    write(folder, {**device, "measured": {"efficiency": of_map}})
+    assert load(folder).measured.efficiency.fill_factor == 0.3
+    write(folder, {**device, "measured": {"efficiency": {**of_map, "fill_factor": 1.0}}})
+    with pytest.raises(
+        ValueError, match="fill_factor: 0.3, but measured.efficiency was calibrated"
+    ):
+        load(folder)

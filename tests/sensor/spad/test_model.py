@@ -3,7 +3,7 @@ import pytest
 from pydantic import BaseModel
 
 from megalopta import sensor as sensor_package
-from megalopta.sensor import changed, preset
+from megalopta.sensor import CTIA_PRESETS, DigitalCounter, changed, preset
 from megalopta.sensor.effects.bias import efficiency_factor
 from megalopta.sensor.spad.presets import TABLE_2_1
 
@@ -48,3 +48,19 @@ def test_gate_that_never_opens_is_refused():
     with pytest.raises(ValueError, match=r"gate: it does not open in an exposure_s of 0\.1; lower"):
         changed(preset("ideal"), gate=late)
     assert changed(preset("ideal"), gate=late, exposure_s=0.6).gate.phase_s == 0.5
+
+
+def test_named_fields_change_and_the_rest_stays():
+    spadcam = preset("spadcam")
+    slower = changed(spadcam, exposure_s=0.02, counter={"step_v": 0.03})
+    assert (slower.exposure_s, slower.counter.step_v) == (0.02, 0.03)
+    assert changed(slower, exposure_s=spadcam.exposure_s, counter=spadcam.counter) == spadcam
+
+
+def test_another_kind_starts_afresh():
+    assert changed(preset("spadcam"), counter={"kind": "digital"}).counter == DigitalCounter()
+
+
+def test_parts_and_sensors_that_integrate_change_alike():
+    assert changed(preset("spadcam").bias, excess_v=1.3).excess_v == 1.3
+    assert changed(CTIA_PRESETS["ctia_si"], bias={"kind": "fixed"}).bias.kind == "fixed"

@@ -19,22 +19,17 @@ MISREAD = {"kind": "analog", "step_v": 0.1, "swing_v": 1.6, "read_noise_v": 0.05
 ACTIVE = {"kind": "nonparalyzable", "dead_time_s": 1e-6}
 PASSIVE = {"kind": "paralyzable", "dead_time_s": 1e-6}
 RUNNING = {"kind": "paralyzable", "dead_time_s": 2e-5, "start": "stationary"}
-TRAPS = {"mean_carriers": 0.2, "delay_s": 1e-5}
-GATE = {"period_s": 1e-4, "width_s": 5e-5}
+LONG = {**PASSIVE, "dead_time_s": 3e-6}
+TRAPS = {"afterpulsing": {"mean_carriers": 0.2, "delay_s": 1e-5}}
+GATE = {"gate": {"period_s": 1e-4, "width_s": 5e-5}}
 CASES = {
     "one bit": ({"counter": {"capacity": 1}}, 2.0),
     "eight bits": ({"counter": BYTE}, 250.0),
     "wrapping": ({"counter": {**BYTE, "overflow": "wrap"}}, 250.0),
     "active": ({"counter": BYTE, "dead_time": ACTIVE}, 300.0),
-    "passive": (
-        {"counter": {"capacity": 63}, "dead_time": {**PASSIVE, "dead_time_s": 3e-6}},
-        100.0,
-    ),
+    "passive": ({"counter": {"capacity": 63}, "dead_time": LONG}, 100.0),
     "passive, running": ({"counter": {"capacity": 15}, "dead_time": RUNNING}, 40.0),
-    "afterpulsing, gate": (
-        {"counter": {"capacity": 15}, "afterpulsing": TRAPS, "gate": GATE},
-        20.0,
-    ),
+    "afterpulsing, gate": ({"counter": {"capacity": 15}, **TRAPS, **GATE}, 20.0),
     "misread": ({"counter": MISREAD}, 12.0),
     "uneven": ({"counter": UNEVEN}, 105.0),
     "uneven, offsets": ({"counter": OFFSETS}, 105.0),
