@@ -6,6 +6,8 @@ from functools import cache, partial
 from itertools import product, starmap
 from typing import Any
 
+import numpy as np
+
 from megalopta.config import built_in_text
 from megalopta.config.model import Configuration, fitted, with_suited_depth
 from megalopta.config.recipe import Plan, RigCamera, Stream, choose, draw_entry
@@ -19,6 +21,9 @@ from megalopta.sensor import ImageSensor, generator
 
 SECRET_SEED = 2**63
 """Least seed of a plan that nobody can find by trying"""
+_DEALT_PATHS = 10_000
+"""Paths after which the order of splits comes again"""
+_DRAW = "draw a value, such as trajectory: {rotation_deg_s: {uniform: [-30, 30]}}"
 _DRAWN = ("scenes", "lights", "cameras", "trajectories")
 
 
@@ -118,33 +123,51 @@ def repeated_name(sensor: ImageSensor, number: int) -> ImageSensor:
 
 
 def split_of(plan: Plan, index: int) -> str:
-    """Split that a sequence belongs to."""
-    shares = sorted((name, share) for name, share in plan.splits.items() if share)
-    place = _stream(plan, index)("split") * sum(share for _, share in shares)
-    for name, share in shares:
-        if place < share:
-            return name
-        place -= share
-    return shares[-1][0]
+    """Split that a sequence belongs to: of any number of first paths, each gets its share."""
+    order = _split_order(tuple(sorted(plan.splits.items())))
+    return order[index // plan.cameras_per_path % len(order)]
 
 
-def split_warnings(plan: Plan) -> Iterator[str]:
-    """Yield what is wrong with the splits: empty ones, and paths of several that are equal."""
-    first_of_each = range(0, min(plan.sequences, 10_000), plan.cameras_per_path)
-    split = {index: split_of(plan, index) for index in first_of_each}
-    shares, filled = plan.splits.items(), set(split.values())
-    if empty := [name for name, share in shares if share and name not in filled]:
-        yield f"splits: no sequence in {' and '.join(empty)}; more, or another seed, fill them"
+@cache
+def _split_order(shares: tuple[tuple[str, float], ...]) -> list[str]:
+    """Return the splits of paths in turn: each goes to the split that lacks most."""
+    total, counts, order = sum(share for _, share in shares), dict.fromkeys(dict(shares), 0), []
+    for place in range(1, _DEALT_PATHS + 1):
+        lacks = {name: round(place * share / total - counts[name], 9) for name, share in shares}
+        order.append(max(lacks, key=lacks.__getitem__))
+        counts[order[-1]] += 1
+    return order
+
+
+def plan_warnings(plan: Plan) -> Iterator[str]:
+    """Yield what is wrong with its sequences together: empty splits, and motion that repeats."""
+    firsts = range(0, plan.sequences, plan.cameras_per_path)[:_DEALT_PATHS]
+    split = {index: split_of(plan, index) for index in firsts}
+    if empty := sorted({name for name, share in plan.splits.items() if share} - {*split.values()}):
+        turns = [*_split_order(tuple(sorted(plan.splits.items()))), *empty]
+        least = max(map(turns.index, empty)) * plan.cameras_per_path + 1
+        yield (
+            f"splits: {' and '.join(empty)} get none of the sequences ({plan.sequences}); make "
+            f"{least} or more, or change the shares"
+        )
     fields, alike = set(RenderingSettings.model_fields) - {"name", "seed"}, defaultdict(list)
-    for index in first_of_each[:200]:  # each takes 4 ms
-        alike[configuration_of(plan, index).model_dump_json(include=fields)].append(index)
-    for equal in alike.values():
-        if len({split[index] for index in equal}) > 1:
-            names = ", ".join(map(sequence_name, equal[:3])) + (", …" if len(equal) > 3 else "")
-            yield (
-                f"sequences {names} are equal but for noise, and in different splits; draw a "
-                "value, such as trajectory: {rotation_deg_s: {uniform: [5, 30]}}"
-            )
+    motions, is_still = set[tuple[str, bytes]](), False
+    for index in firsts[:200]:  # each takes 4 ms
+        settings = configuration_of(plan, index)
+        alike[settings.model_dump_json(include=fields)].append(index)
+        poses = settings.trajectory.poses()
+        motion = np.round(np.linalg.inv(poses[0]) @ poses, 6)
+        moving = {"camera", "objects"} | ({"scene"} if (motion == motion[0]).all() else set())
+        motions.add((settings.model_dump_json(include=moving), motion.tobytes()))
+        is_still |= len(poses) == 1
+    crossing = [equal for equal in alike.values() if len({split[index] for index in equal}) > 1]
+    for equal in crossing:
+        names = ", ".join(map(sequence_name, equal[:3])) + (", …" if len(equal) > 3 else "")
+        yield f"sequences {names} are equal but for noise, and in different splits; {_DRAW}"
+    if is_still:
+        yield "trajectory.frames 1: one frame has no flow; give 2 or more"
+    elif len(motions) <= (paths := len(firsts[:200])) / 2 and not crossing:
+        yield f"different motions: {len(motions)} in {paths} paths, easy to learn by heart; {_DRAW}"
 
 
 def _stream(plan: Plan, index: int) -> Stream:

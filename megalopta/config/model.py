@@ -2,18 +2,28 @@
 
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import Field, field_validator
 
 from megalopta.config import built_in_names, built_in_text
-from megalopta.config.measuring import MeasuringSettings
+from megalopta.config.scene import ONCE
 from megalopta.config.sensing import (
     LightLevel as LightLevel,
     LightLevels as LightLevels,
+    SensingSettings,
     level_text as level_text,
 )
 from megalopta.config.yaml_model import mapping, overridden, validated, yaml_text
+from megalopta.core.arrays import Floats
 from megalopta.core.errors import UserError, refused_as, shell_command
+from megalopta.core.record import Record
+from megalopta.flow.benchmark import BenchmarkSettings
+from megalopta.flow.detectors.registry import METHODS, THESIS_METHODS
 from megalopta.scenes.build import build_scene
+from megalopta.scenes.levels import LEVELS, illuminance_of
+from megalopta.scenes.spectra.spectrum import Spectrum
 from megalopta.scenes.trajectories.orbit import Fit, Orbit, bounds_of
 
 # Longer values, such as a recorded path, are cut in comparisons of two configurations.
@@ -21,8 +31,61 @@ _LONGEST_VALUE = 60
 _SCENE = ("scene", "scene.kind")
 
 
-class Configuration(MeasuringSettings, frozen=True):
+Reference = Literal["self", "perfect"]
+
+
+class FlowSettings(Record, frozen=True):
+    """References and masks of the responses to readings."""
+
+    references: Annotated[tuple[Reference, ...], Field(min_length=1)] = ("self", "perfect")
+    """self: the mean reading of the same device; the error is its noise. perfect: the photons on
+    the pixels; the error also includes the losses of the device. self is always included."""
+    saturated: Literal["score", "leave_out"] = "score"
+    """Count saturated pixels, and blocks of which a tenth or more is saturated, in the errors
+    (score), or not (leave_out). Record and report give the share of saturated readings."""
+    least_purity: Annotated[float, Field(gt=0, le=1)] = 0.75
+    """Purity, the share that the object at a pixel's center fills, below which a pixel is mixed.
+    The record gives the errors with and without mixed pixels."""
+
+
+class Configuration(SensingSettings, frozen=True):
     """A sequence: its scene, rendering, sensors and measurements."""
+
+    methods: Annotated[
+        tuple[str, ...],
+        ONCE,
+        Field(min_length=1, description=f"Motion detectors to run, of {', '.join(METHODS)}."),
+    ] = THESIS_METHODS
+    flow: FlowSettings = FlowSettings()
+    """References of the detectors' responses."""
+    benchmark: BenchmarkSettings = BenchmarkSettings(sizes=(60,))
+    """Search for the photons that each detector needs."""
+
+    @field_validator("methods")
+    @classmethod
+    def _methods_are_known(cls, methods: tuple[str, ...]) -> tuple[str, ...]:
+        for method in methods:
+            if method not in METHODS:
+                raise ValueError(f"{method!r} is unknown: use some of {', '.join(METHODS)}")
+        return methods
+
+    def light_scale(self, level: LightLevel) -> Floats:
+        """Factor (B,) per band from the rendered light to a level.
+
+        A named level has its own spectrum, constant within a band. A level in lux, and a
+        self-luminous scene, keep the rendered color.
+        """
+        light, scene, bands = self.light, self.scene, self.render.bands_nm
+        is_rendered = level == light.level and scene.has_truth
+        if scene.is_self_luminous or is_rendered or not isinstance(level, str):
+            return np.full(len(bands), illuminance_of(level) / light.resolved().illuminance_lux)
+        before, after = scene.white(light), LEVELS[level].spectrum()
+        return np.array([_band_mean(after, band) / _band_mean(before, band) for band in bands])
+
+
+def _band_mean(spectrum: Spectrum, band: tuple[float, float]) -> float:
+    grid = np.linspace(*band, 1025)  # airglow is piecewise linear, with a node every 20 nm
+    return float(np.trapezoid(spectrum(grid), grid) / (band[1] - band[0]))
 
 
 def load(source: str, overrides: Mapping[str, str] | None = None) -> Configuration:

@@ -22,7 +22,7 @@ Stream: TypeAlias = Callable[[str], float]
 """Number in [0, 1) for the value at a path, such as "scenes.0.scene.trees"."""
 
 FlowFile = Literal["kitti_png", "flo5"]
-_LONGEST_SPLIT = 60
+_LONGEST_SPLIT, _SHARES_OFF = 60, 0.01
 _KINDS = ("uniform", "log_uniform", "integer", "one_of")
 Entry = str | float | dict[str, Any]
 """A name, a number, or fields, any of which may be a range."""
@@ -33,13 +33,10 @@ class RigCamera(Mount, frozen=True):
 
     camera: dict[str, Any] = Field(default={}, exclude_if=lambda fields: not fields)
     """Fields of `camera` that differ"""
-
     render: dict[str, Any] = Field(default={}, exclude_if=lambda fields: not fields)
     """Fields of `render` that differ, such as `bands_nm`"""
-
     shutter: dict[str, Any] = Field(default={}, exclude_if=lambda fields: not fields)
     """Fields of `shutter` that differ"""
-
     sensors: tuple[Entry, ...] = Field(default=(), exclude_if=lambda sensors: not sensors)
     """Sensors in place of the plan's"""
 
@@ -64,62 +61,46 @@ class Plan(Record, frozen=True):
 
     name: str = "Low-light optical flow"
     """Title of the dataset"""
-
     description: str = (
         "Rendered sequences with exact optical flow, and the readings of photon-counting sensors"
     )
     """Description in a sentence or two"""
-
     sequences: Annotated[int, Field(ge=1, le=10_000_000)] = 10
     """Number of sequences; a larger number later keeps the finished ones"""
-
     seed: Annotated[int, Field(ge=0)] = 0
     """Seed of all draws"""
-
     scenes: Annotated[tuple[Entry, ...], Field(min_length=1)] = ("demo",)
     """Scenes: a built-in configuration's name, or a mapping with `preset`, its name, and fields to
     change. They are dealt out in random order: each comes once before one comes again"""
-
     lights: tuple[Entry, ...] = ()
     """Lights, dealt out likewise: a level's name or fields of `light`; default: the preset's"""
-
     cameras: tuple[dict[str, Any], ...] = ()
     """Cameras, dealt out likewise: fields of `camera`; default: the preset's"""
-
     trajectories: tuple[dict[str, Any], ...] = ()
     """Camera paths, dealt out likewise: fields of `trajectory`; default: the preset's"""
-
     every: dict[str, Any] = Field(default={})
     """Fields of the configuration set in every sequence, after all others"""
-
     sensors: Annotated[tuple[Entry, ...], Field(min_length=1)] = ("spadcam",)
     """Sensors that expose every sequence, as in a configuration"""
-
     light_levels: Annotated[tuple[Entry, ...], Field(min_length=1)] = ("twilight",)
     """Light levels of every sensor, by name or in lux"""
-
     rig: tuple[RigCamera, ...] = Field(default=(), exclude_if=lambda rig: not rig)
     """Cameras that follow each path together: their places relative to the path's camera, and
     perhaps another `camera`, `render`, `shutter` or `sensors`. Each is a sequence of its own. Two
     alike side by side also get the disparity to each other"""
-
     repeats: Annotated[int, Field(ge=1, le=1000)] = 1
     """Exposures per sensor and level, with independent noise; from the second on, the sensor's name
     ends in -r2, -r3, …"""
-
     products: Annotated[tuple[ProductName, ...], ONCE] = ("counts",)
     """Output per exposure, as in a configuration"""
-
     flow_files: Annotated[tuple[FlowFile, ...], ONCE] = ()
     """Formats of flow next to .flo: kitti_png, 16-bit PNG in training/flow_kitti; flo5, HDF5 in
     training/flow_flo5"""
-
     splits: dict[str, Annotated[float, Field(ge=0)]] = Field(
         default={"train": 0.8, "validation": 0.1, "test": 0.1}
     )
-    """Share of the sequences in each split, relative to their sum; assignment depends on seed and
-    index"""
-
+    """Share of the sequences in each split, in sum 1, or whole numbers in proportion, such as 3 and
+    1; of any number of first sequences each split has its share, to one"""
     sample: Annotated[int, Field(ge=0)] = 2
     """Number of first sequences that also form the split "sample", a small download"""
 
@@ -181,6 +162,9 @@ class Plan(Record, frozen=True):
                 )
         if not sum(splits.values()) > 0:
             raise ValueError("give at least one split a share above 0")
+        total = sum(splits.values())
+        if abs(total - 1) > _SHARES_OFF and any(share % 1 for share in splits.values()):
+            raise ValueError(f"the sum of shares is {total:.4g}; make it 1, or use whole numbers")
         return splits
 
 

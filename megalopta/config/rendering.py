@@ -22,7 +22,6 @@ class TrackSettings(Record, frozen=True):
 
     spacing_px: Annotated[int, Field(ge=1)] = 8
     """Distance between neighboring points (px)."""
-
     frames: Annotated[tuple[Annotated[int, Field(ge=0)], ...], Field(min_length=1)] = (0,)
     """Frames, from 0, in which the points are seen."""
 
@@ -37,16 +36,13 @@ class RenderingSettings(SceneSettings, frozen=True):
 
     shutter: Shutter = Shutter()
     """Motion blur and rolling shutter of the sensors' frames."""
-
     render: RenderSettings = Field(RenderSettings(), validate_default=True)
     """Samples, depth, bands and backend."""
-
     labels: Annotated[tuple[LabelName, ...], ONCE] = Field(
         default=(), exclude_if=lambda labels: not labels
     )
     """Label maps that `render` writes for other programs: `classes`, `instances`, `clusters` of
     leaves, `normals`, `albedo`; default: none."""
-
     tracks: TrackSettings | None = Field(default=None, exclude_if=lambda tracks: tracks is None)
     """Points that `render` follows through all frames; default: none."""
 

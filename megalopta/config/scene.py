@@ -42,29 +42,21 @@ class SceneSettings(Record, frozen=True):
 
     name: Annotated[str, AfterValidator(folder_name)] = "forest"
     """Name of the sequence and its folders: letters, digits, dash and underscore."""
-
     seed: Annotated[int, Field(ge=0)] = 0
     """Seed of rendering noise and photon arrivals."""
-
     scene: AnyScene = Forest()
     """Scene to render."""
-
     objects: tuple[AnyObject, ...] = ()
     """Boxes, balls and mesh files (`file`) added to the scene, at rest or on paths of their own."""
-
     light: Light = Light()
     """Light that the scene is rendered under."""
-
     camera: AnyCamera = PerspectiveCamera()
     """Projection, image size and field of view."""
-
     scene_camera: AnyCamera | None = Field(default=None, exclude_if=lambda camera: camera is None)
     """Camera that the scene's detail and extent suit, on a rig of different cameras; default: this
     one."""
-
     trajectory: CameraPath = Trajectory()
     """Camera motion."""
-
     stereo_with: Mount | None = Field(default=None, exclude_if=lambda mount: mount is None)
     """Second camera of the rig on the path, side by side with this one: `training/disparities`
     holds the disparity to it. By default there is none."""

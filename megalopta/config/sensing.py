@@ -4,14 +4,7 @@ from collections.abc import Mapping, Sequence
 from itertools import product
 from typing import Annotated, Any
 
-from pydantic import (
-    AfterValidator,
-    BeforeValidator,
-    Field,
-    ValidationInfo,
-    field_validator,
-    model_validator,
-)
+import pydantic
 
 from megalopta.config.rendering import RenderingSettings
 from megalopta.config.scene import ONCE, folder_name
@@ -48,7 +41,8 @@ def _level(value: Any) -> Any:
 
 
 LightLevels = Annotated[
-    tuple[Annotated[LightLevel, BeforeValidator(_level)], ...], AfterValidator(_known_once)
+    tuple[Annotated[LightLevel, pydantic.BeforeValidator(_level)], ...],
+    pydantic.AfterValidator(_known_once),
 ]
 
 _MOST_READINGS = 10**6
@@ -61,10 +55,9 @@ class CalibrationFrames(Record, frozen=True):
     They are drawn from the same device, with a seed of their own.
     """
 
-    frames: Annotated[int, Field(ge=2, le=100_000)] = 256
+    frames: Annotated[int, pydantic.Field(ge=2, le=100_000)] = 256
     """Number of dark frames, and of flat frames, which fill the pixel to half of its capacity"""
-
-    hot_times: Annotated[float, Field(gt=1)] = 10.0
+    hot_times: Annotated[float, pydantic.Field(gt=1)] = 10.0
     """Dark counts of a hot pixel, in multiples of the median, or of a frame camera in standard
     deviations from it; its neighbors replace it"""
 
@@ -72,7 +65,7 @@ class CalibrationFrames(Record, frozen=True):
 class SensingSettings(RenderingSettings, frozen=True):
     """Exposures of a rendered scene, or of pictures."""
 
-    light_levels: Annotated[LightLevels, Field(min_length=1)] = (
+    light_levels: Annotated[LightLevels, pydantic.Field(min_length=1)] = (
         "twilight",
         "full_moon",
         "quarter_moon",
@@ -81,10 +74,9 @@ class SensingSettings(RenderingSettings, frozen=True):
     """Levels to sense at, in lux or by name (daylight 1e5 lux, twilight 1, full_moon 0.25,
     quarter_moon 0.01, starlight 0.001, airglow 0.00082, moonless_forest_floor 0.00031,
     overcast_night 0.0001): the rendered light is scaled and keeps its color."""
-
     sensors: Annotated[
         tuple[ImageSensor, ...],
-        Field(
+        pydantic.Field(
             min_length=1,
             description=f"Sensors to expose, from {', '.join(IMAGE_SENSORS)}. In YAML: a preset's "
             "name, a mapping with `preset` and changes to it, one of `kind` spad, ctia, frame or "
@@ -93,51 +85,42 @@ class SensingSettings(RenderingSettings, frozen=True):
             "to the file that contains them and stay in its folder; on the command line, any.",
         ),
     ] = (IMAGE_SENSORS["spadcam"], IMAGE_SENSORS["ideal"])
-
     products: Annotated[tuple[ProductName, ...], ONCE] = ("counts",)
     """Output of `sense` for every sensor and level: `counts` (required), `events_hdf5`,
     `events_dsec`, `binary_npy`, `burst_npy`, `sums_npy`, `brackets_npy`, `changes_hdf5`, `tiff`
     (docs/reference/dataset-files.md)."""
-
-    imu: Imu | None = Field(default=None, exclude_if=lambda imu: imu is None)
+    imu: Imu | None = pydantic.Field(default=None, exclude_if=lambda imu: imu is None)
     """Gyroscope and accelerometer on the rig, whose readings `sense` writes; default: none."""
-
-    sub_frames: Annotated[int, Field(ge=1, le=1000)] = 1
+    sub_frames: Annotated[int, pydantic.Field(ge=1, le=1000)] = 1
     """Equal parts of an exposure, with constant light in each. From 2 on, readings contain motion
     within a frame: light moves along the true flow to the next rendered frame, and after the last
     one continues as before. With 1, light is constant during a frame."""
-
-    burst_hz: Annotated[float, Field(gt=0, le=1e9)] = 100_000.0
+    burst_hz: Annotated[float, pydantic.Field(gt=0, le=1e9)] = 100_000.0
     """Binary frames per second of the product `burst_npy`, and of `sums_npy`, `brackets_npy` and
     `changes_hdf5`, computed of the same; a whole multiple of the frame rate. They fill the time
     between rendered frames, which has `sub_frames` steps of light."""
-
-    cubes: CubeSettings = Field(
+    cubes: CubeSettings = pydantic.Field(
         default=CubeSettings(), exclude_if=lambda cubes: cubes == CubeSettings()
     )
     """Sums, brackets and changes that are computed of bursts."""
-
     free_running: bool = False
     """Expose SPAD arrays continuously: dead times and trapped carriers reach into the next frame,
     or binary frame of a burst; counts, events and bits of a frame show the same avalanches.
     Exposures must fill the frames. By default pixels are reset in every frame, as `dead_time.start`
     says."""
-
     correct: bool = False
     """Also correct readings of SPAD arrays for dark counts, dead time and counter, flat field and
     hot pixels, those of frame cameras for offsets, flat field and hot pixels. Detectors then run on
     both."""
-
     calibration: CalibrationFrames = CalibrationFrames()
     """Calibration frames of the correction."""
-
     expectation: bool = True
     """Store mean and variance of every reading, which `flow` and `report` need; they take most of
     the time and nine tenths of the disk."""
 
-    @field_validator("sensors", mode="before")
+    @pydantic.field_validator("sensors", mode="before")
     @classmethod
-    def _sensors_by_preset(cls, sensors: Any, validation: ValidationInfo) -> Any:
+    def _sensors_by_preset(cls, sensors: Any, validation: pydantic.ValidationInfo) -> Any:
         if isinstance(sensors, str) or not isinstance(sensors, Sequence):
             return sensors
         folder = folder_of(validation)
@@ -146,14 +129,14 @@ class SensingSettings(RenderingSettings, frozen=True):
             for sensor in sensors
         )
 
-    @field_validator("products")
+    @pydantic.field_validator("products")
     @classmethod
     def _counts_are_made(cls, products: tuple[ProductName, ...]) -> tuple[ProductName, ...]:
         if "counts" not in products:
             raise ValueError("counts are missing, and motion detectors need them; add counts")
         return products
 
-    @model_validator(mode="after")
+    @pydantic.model_validator(mode="after")
     def _exposures_suit_the_sequence(self) -> "SensingSettings":
         names = [folder_name(sensor.name) for sensor in self.sensors]
         if len(set(names)) < len(names):

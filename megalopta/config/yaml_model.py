@@ -14,8 +14,7 @@ from pydantic import BaseModel
 from pydantic_core import PydanticUndefined, to_jsonable_python
 
 from megalopta.core import bounded, strict_yaml
-from megalopta.core.bounded import typed
-from megalopta.core.errors import UserError, refused_as
+from megalopta.core.errors import UserError, near_path, refused_as
 from megalopta.core.validation import MisfitError, Model, checked, inner_types
 
 
@@ -29,7 +28,8 @@ def yaml_text(path: Path, what: str) -> str:
     except UnicodeDecodeError:
         raise UserError(f"{path}: not a UTF-8 text file; give a YAML file") from None
     except OSError:
-        raise UserError(f"{path}: no such {what}") from None
+        kind, remedy = what.split("; ", 1)
+        raise UserError(f"{path}: no such {kind}; {near_path(path, remedy)}") from None
 
 
 def mapping(text: str, source: str) -> dict[str, Any]:
@@ -79,7 +79,7 @@ def overridden(
     place = {"kind": 0, "preset": 1}
     for path in sorted(overrides, key=lambda path: place.get(path.rpartition(".")[2], 2)):
         with refused_as(f"--{path}"):
-            value = typed(strict_yaml.load(overrides[path]))
+            value = bounded.typed(strict_yaml.load(overrides[path]))
         with refused_as("command line"):
             put(changed, path, value, model)
     return changed
@@ -134,7 +134,10 @@ def _default(values: dict[str, Any], step: str, types: list[Any]) -> Any:
     """Return what a model has at a step where a file states nothing."""
     models = [kind for kind in types if _has(kind, step)]
     kind = values.get("kind", ...)
-    model = next((each for each in models if _kind(each) == kind), models[0] if models else None)
+    model = next(
+        (candidate for candidate in models if _kind(candidate) == kind),
+        models[0] if models else None,
+    )
     if model is None:
         return {}
     if values.get("preset") and _has(model, "preset"):

@@ -53,22 +53,16 @@ class FlowRecord(_Record, frozen=True):
     warm_up_frames: NonNegativeInt
     saturated_fraction: FiniteFloat = 0.0
     """Share of saturated readings"""
-
     error: ResponseErrors
     """Error against the same device without noise"""
-
     error_perfect: ResponseErrors | None = None
     """Error against a perfect sensor: that of noise and of the device"""
-
     error_corrected: ResponseErrors | None = None
     """Error of the responses to corrected readings, against a perfect sensor"""
-
     truth: TruthErrors | None = None
     """Errors of methods that give velocities"""
-
     truth_by_mixture: dict[Literal["all", "without_mixed"], TruthErrors] = {}
     """Errors with mixed pixels, as in `truth`, and without them"""
-
     truth_splits: dict[Literal["slow", "medium", "fast", "clear", "occlusion"], TruthErrors] = {}
     """Errors by true speed, and by the hidden share of a block"""
 

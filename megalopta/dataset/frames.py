@@ -20,8 +20,6 @@ if TYPE_CHECKING:
 
 FRAMES_AT_ONCE = 16
 """Most frames in memory, in every stage."""
-_PIXELS_AT_ONCE = 2**23
-_KEPT_BYTES = 2**27
 _kept: dict[tuple[Path, int, int, int], Any] = {}
 """Decoded files, by path, inode, time and bytes, the last read ones last"""
 
@@ -29,7 +27,7 @@ _kept: dict[tuple[Path, int, int, int], Any] = {}
 def frames_at_once(settings: Configuration) -> int:
     """Return the number of frames of a sequence in memory; fewer of large ones."""
     pixels = settings.camera.width * settings.camera.height
-    return min(FRAMES_AT_ONCE, settings.trajectory.frames, max(1, _PIXELS_AT_ONCE // pixels))
+    return min(FRAMES_AT_ONCE, settings.trajectory.frames, max(1, 2**23 // pixels))  # px at once
 
 
 def decoded(path: Path, read: Callable[[Path], Any]) -> Any:
@@ -38,7 +36,7 @@ def decoded(path: Path, read: Callable[[Path], Any]) -> Any:
     key = path, state.st_ino, state.st_mtime_ns, state.st_size
     if key not in _kept:
         _kept[key] = read(path)
-        while len(_kept) > 1 and sum(size for *_, size in _kept) > _KEPT_BYTES:
+        while len(_kept) > 1 and sum(size for *_, size in _kept) > 2**27:  # bytes kept
             del _kept[next(iter(_kept))]
     return _kept[key]
 

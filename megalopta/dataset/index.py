@@ -25,7 +25,6 @@ from megalopta.scenes.hashed_file import sha256_of
 _SAMPLE = "sample"
 """Split of the first few sequences."""
 _NO_LINKS = (errno.EPERM, errno.ENOTSUP, errno.EOPNOTSUPP)
-_ROWS_AT_ONCE = 10_000
 
 _TYPES = {
     "string": (pa.string(), "sc:Text"),
@@ -39,7 +38,6 @@ TABLES: dict[str, pa.Schema] = {
     for table, columns in _DATA["tables"].items()
 }
 """Columns of each table."""
-LICENSE_URL = "https://creativecommons.org/publicdomain/zero/1.0/"
 
 
 def _frames(record: SequenceRecord) -> Iterator[dict[str, Any]]:
@@ -119,13 +117,9 @@ def croissant(root: Path, plan: Plan, version: str = __version__) -> dict[str, A
         ]
         record_sets.append({"@type": "cr:RecordSet", "@id": table, "name": table, "field": fields})
     return {
-        "@context": _DATA["context"],
-        "@type": "sc:Dataset",
-        "conformsTo": "http://mlcommons.org/croissant/1.1",
+        **_DATA["croissant"],
         "name": plan.name,
         "description": plan.description,
-        "license": LICENSE_URL,
-        "url": "croissant.json",
         "version": version,
         "creator": {"@type": "sc:Organization", "name": f"megalopta {version}"},
         "citeAs": f"{plan.name}. Made with megalopta {version}.",
@@ -184,7 +178,7 @@ def write_index(tree: Tree, plan: Plan) -> None:
             key["path"], key["camera"] = divmod(record.index, plan.cameras_per_path)
             for table, rows in rows_of.items():
                 waiting[table] += [{**key, **row} for row in rows(record)]
-            write(_ROWS_AT_ONCE)
+            write(10_000)  # rows at once
             for split in splits_of(record, plan):
                 names[split].append(record.sequence)
                 for link, target in split_links(tree.root, split, record).items():

@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 
 from megalopta.config.rendering import TrackSettings
 from megalopta.core import bounded, files
-from megalopta.core.bounded import zipped_arrays
 from megalopta.core.errors import UserError
 from megalopta.core.pictures import write_codes
 from megalopta.dataset.store import Dataset
@@ -80,4 +79,4 @@ def read_tracks(path: Path) -> PointTracks:
     if not path.exists():
         raise UserError(f"{path}: no tracks; render with `tracks: {{}}`")
     with bounded.undamaged(path, "render again"):
-        return PointTracks(*zipped_arrays(path, PointTracks._fields).values())
+        return PointTracks(*bounded.zipped_arrays(path, PointTracks._fields).values())

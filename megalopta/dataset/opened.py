@@ -13,41 +13,50 @@ from numpy.typing import NDArray
 
 from megalopta.core.errors import UserError
 from megalopta.core.pictures import read_codes
+from megalopta.core.progress import say
 from megalopta.dataset.index import read_lists
 from megalopta.dataset.sequence import LazyFrames, Sequence
 from megalopta.dataset.store import Tree
 from megalopta.flow.formats import read_flo
 
 Pair = dict[str, Any]
+Exposures = str | Listed[str] | None
 
 
 class FlowPairs:
     """All pairs of frames of some sequences, `step` frames apart.
 
     A pair is a dictionary: `first` and `second` (C, H, W) float32, readings, or light of all bands;
-    `flow` (2, H, W) float32, px, 0 where undefined; `valid` (H, W), True where defined; `occluded`
-    (H, W), bool as `valid`; `sequence`, `frame`; if all are of stereo pairs, `disparity` (H, W) of
-    the first, float32, px, NaN where unknown. It can be pickled.
+    `flow` (2, H, W) float32, px, 0 where undefined; `valid` (H, W), True where defined, which
+    includes `occluded` (H, W), bool; `sequence`, `exposure`, `frame`; if all are of stereo pairs,
+    `disparity` (H, W) of the first, float32, px, NaN where unknown. It can be pickled.
     """
 
-    def __init__(self, sequences: Listed[Sequence], exposure: str | None, step: int) -> None:
-        if step < 1:
-            raise UserError(f"step {step}: give a whole number, 1 or more")
+    def __init__(self, sequences: Listed[Sequence], exposure: Exposures, step: int) -> None:
+        if not sequences:
+            raise UserError("no sequence, and so no pairs; give a split with some")
+        longest = max(map(len, sequences))
+        if not 1 <= step < longest:
+            remedy = f"s; give 1 to {longest - 1}" if longest > 1 else "; make 2 or more"
+            raise UserError(f"step {step}: the longest sequence has {longest} frame{remedy}")
+        self._parts, self._step = list[tuple[Sequence, str]](), step
         for sequence in sequences:
             sequence.dataset.require_truth()
-            if exposure != "radiance":
-                sequence._exposure(exposure)
-        self._sequences, self._exposure, self._step = list(sequences), exposure, step
-        self._ends = list(accumulate(max(len(sequence) - step, 0) for sequence in sequences))
+            names = sequence.exposures if exposure == "all" else exposure
+            for name in [names] if names is None or isinstance(names, str) else names:
+                known = name if name == "radiance" else sequence._exposure(name)
+                self._parts.append((sequence, known))
+        if exposure is None and (others := sequences[0].exposures[1:]):
+            say(f'pairs of {self._parts[0][1]}; exposure="all" also gives {", ".join(others)}')
+        self._ends = list(accumulate(max(len(sequence) - step, 0) for sequence, _ in self._parts))
         self._has_disparity = all(s.configuration.stereo_with is not None for s in sequences)
-        if not len(self):
-            raise UserError(f"step {step}: no pairs; give a smaller step, or another split")
 
     def __repr__(self) -> str:
         """Describe the pairs."""
-        first = self._frames(self._sequences[0])
+        first, names = _frames(*self._parts[0]), dict.fromkeys(name for _, name in self._parts)
         shape = (*(first.shape[3:] or (1,)), *first.shape[1:3])
-        return f"{type(self).__name__}({len(self)} pairs of {shape}, {first.unit})"
+        what = f"{shape}, {first.unit}, exposures {_brief(names)}, step {self._step}"
+        return f"{type(self).__name__}({len(self)} pairs of {what})"
 
     def __len__(self) -> int:
         """Return the number of pairs."""
@@ -58,10 +67,10 @@ class FlowPairs:
         if not -len(self) <= index < len(self):
             raise IndexError(f"pair {index} of {len(self)}")
         place = bisect_right(self._ends, index % len(self))
-        sequence = self._sequences[place]
+        sequence, exposure = self._parts[place]
         first = index % len(self) - (self._ends[place - 1] if place else 0)
         second, frame = first + self._step, sequence.dataset.frame
-        frames = self._frames(sequence)
+        frames = _frames(sequence, exposure)
         if self._step > 1 or sequence.configuration.shutter.readout_s:
             flow, occluded = sequence.flow(first, second), sequence.occlusion(first, second)
         else:  # these small files are read ten times faster than the truth
@@ -76,13 +85,14 @@ class FlowPairs:
             "valid": valid,
             "occluded": occluded,
             "sequence": sequence.name,
+            "exposure": exposure,
             "frame": first,
             **stereo,
         }
 
-    def _frames(self, sequence: Sequence) -> LazyFrames:
-        is_light = self._exposure == "radiance"
-        return sequence.radiance if is_light else sequence.counts(self._exposure)
+
+def _frames(sequence: Sequence, exposure: str) -> LazyFrames:
+    return sequence.radiance if exposure == "radiance" else sequence.counts(exposure)
 
 
 def _planes(frame: NDArray[Any]) -> NDArray[np.float32]:
@@ -134,7 +144,7 @@ class OpenedDataset:
 
     @property
     def splits(self) -> dict[str, tuple[str, ...]]:
-        """Names of the sequences of every split, including "sample". Raises UserError."""
+        """Names of the sequences of every split, and of "sample", a few of these again."""
         return read_lists(self.root, self.names) or {"all": self.names}
 
     @property
@@ -151,7 +161,7 @@ class OpenedDataset:
         return [self._open(name) for name in self.splits[split]]
 
     def pairs(
-        self, split: str | None = None, exposure: str | None = None, step: int = 1
+        self, split: str | None = None, exposure: str | Listed[str] | None = None, step: int = 1
     ) -> FlowPairs:
         """Return pairs of frames with the flow between them, as NumPy arrays.
 
@@ -159,20 +169,20 @@ class OpenedDataset:
         ----------
         split : str or None
             Default: all sequences.
-        exposure : str or None
-            Exposure to read; default: the first. "radiance" gives the light.
+        exposure : str, list of str, or None
+            Exposures to read, one after another, or "all"; default: the first of each sequence.
+            "radiance" gives the light.
         step : int
             Frames between the first and the second of a pair.
         """
-        sequences = list(self) if split is None else self.of_split(split)
-        return FlowPairs(sequences, exposure, step)
+        return FlowPairs(list(self) if split is None else self.of_split(split), exposure, step)
 
     def to_torch(
-        self, split: str | None = None, exposure: str | None = None, step: int = 1
+        self, split: str | None = None, exposure: str | Listed[str] | None = None, step: int = 1
     ) -> FlowPairs:
         """Return `pairs` as a `torch.utils.data.Dataset` of tensors, for workers as well.
 
-        Shapes and types of an item are those of FlowPairs. Raises UserError without PyTorch.
+        Parameters are those of `pairs`, items those of FlowPairs. Raises UserError without PyTorch.
 
             pairs = megalopta.open_dataset("DIR").to_torch("train")
             loader = torch.utils.data.DataLoader(pairs, batch_size=4, num_workers=2)

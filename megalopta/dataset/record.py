@@ -40,6 +40,10 @@ class ExposureStatistics(BaseModel, frozen=True, use_attribute_docstrings=True):
     """Mean expected photons per pixel and exposure"""
     mean_reading: float
     saturated_fraction: float
+    light_fraction: float | None = None
+    """Share of the mean events that light made; the rest is dark, or None if unknown"""
+    snr: float | None = None
+    """Light's part of a pixel's mean reading, over the reading's RMS noise; None if unknown"""
 
 
 class SequenceStatistics(BaseModel, frozen=True, use_attribute_docstrings=True):

@@ -221,7 +221,6 @@ class Sequence:
         **changes
             Changed fields of the sensor, such as exposure_s=1e-3.
         """
-        from megalopta.config.light_scale import light_scale
         from megalopta.dataset.frames import read_radiance_frame
         from megalopta.sensor import expose
 
@@ -238,7 +237,7 @@ class Sequence:
         device = repeated_name(exposed.sensors[0], repeat)
         if not gain > 0:
             raise UserError(f"gain {gain!r}: give a number above 0")
-        scale = (light_scale(exposed, chosen) * gain).astype(np.float32)
+        scale = (exposed.light_scale(chosen) * gain).astype(np.float32)
         name = f"{self.name}/{exposure_name(device, chosen)}"
 
         def read(number: int) -> NDArray[Any]:
@@ -432,7 +431,8 @@ class Sequence:
             raise UserError(f"{self.name}: no counts yet; run: {again}")
         name = names[0] if name is None else name
         if name not in names:
-            raise UserError(f"{self.name}: no exposure {name!r}; there are {', '.join(names)}")
+            there_are = f"there are {', '.join(names)}; {shell_command('sense', self.dataset.root)}"
+            raise UserError(f"{self.name}: no exposure {name!r}; {there_are} adds others")
         return name
 
     def _open(self, name: str) -> "OpenedCounts":

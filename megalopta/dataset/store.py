@@ -15,7 +15,7 @@ from megalopta import __version__
 from megalopta.config.model import Configuration, LightLevel, level_text
 from megalopta.config.recipe import Plan
 from megalopta.core import bounded, files, strict_yaml
-from megalopta.core.errors import UserError, shell_command
+from megalopta.core.errors import UserError, near_path, shell_command
 from megalopta.core.folders import LOCK_NAME, check_enclosed, remove_stale_lock
 from megalopta.core.format_numbers import FORMATS, check_format
 from megalopta.core.progress import step
@@ -183,9 +183,9 @@ class Dataset:
     def _check(self, name: str, is_hashed: bool) -> None:
         if name in self._compared:
             return
-        if what := file_difference(self.root / name, *self.files[name], is_hashed=is_hashed):
+        if difference := file_difference(self.root / name, *self.files[name], is_hashed=is_hashed):
             raise UserError(
-                f"{self.root / name} {what}; find other damage with: "
+                f"{self.root / name} {difference}; find other damage with: "
                 f"{shell_command('check', 'files', self.root)}"
             )
         if is_hashed:
@@ -230,10 +230,9 @@ class Tree:
             # larger YAML takes seconds to parse
             header = dict(strict_yaml.load(bounded.read_text(path, at_most=2**20)))
         except OSError:
-            raise UserError(
-                f"{self.root}: no dataset here; make one with: megalopta render, of pictures: "
-                "megalopta sense, of many sequences: megalopta dataset make"
-            ) from None
+            make = "megalopta render, of pictures: megalopta sense, of many: megalopta dataset make"
+            near = near_path(self.root, f"make one with: {make}")
+            raise UserError(f"{self.root}: no dataset here; {near}") from None
         except (TypeError, ValueError):
             raise UserError(f"{path} is damaged; make the dataset again in a new folder") from None
         check_format("dataset", header, path)

@@ -7,6 +7,8 @@ import re
 from collections import Counter
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
+from itertools import groupby
+from operator import itemgetter
 from pathlib import Path
 from typing import Any
 
@@ -19,11 +21,11 @@ from megalopta import __version__
 from megalopta.core import files
 from megalopta.core.bounded import printable, undamaged
 from megalopta.core.errors import UserError
-from megalopta.core.files import atomic_write
 from megalopta.core.progress import progress
 from megalopta.core.quantities import number
 from megalopta.dataset.index import table_path
 from megalopta.dataset.opened import open_dataset
+from megalopta.dataset.record import SequenceStatistics
 from megalopta.dataset.sequence import Sequence
 from megalopta.dataset.store import LICENSE, Tree, exposure_name
 from megalopta.report import images
@@ -36,16 +38,8 @@ SHOWN = 24
 """Default number of sequences of a contact sheet"""
 _FRAMES, _FRAME_MS = 12, 120
 """Most frames of a clip, and how long one is shown"""
-_STRIP, _WIDTH_PX = 6, 160
+_STRIP, _WIDTH_PX, _MOST_LEVELS = 6, 160, 12
 _SPECIAL = re.compile(r"[\\`*_{}\[\]#|~!$]")
-_QUANTITIES = {
-    "mean_speed_px": "mean flow, px per frame",
-    "percentile_99_speed_px": "99th percentile of flow, px per frame",
-    "unmatched_fraction": "pixels hidden or out of view in the next frame",
-    "sky_fraction": "sky pixels",
-    "median_depth_m": "median depth, m",
-    "texture": "texture (relative difference of neighbors)",
-}
 
 
 def write_contact_sheet(root: Path, most: int, folder: Path | None = None) -> Path:
@@ -116,7 +110,7 @@ def write_card(root: Path) -> Path:
         small = [picture.resize(small_px, Image.Resampling.NEAREST) for picture in pictures]
         columns.append([*(("", picture) for picture in small[:-1]), (name, small[-1])])
     strip = images.sheet(list(zip(*columns, strict=True))).quantize(256)
-    with atomic_write(root / "card" / "sequences.png") as temporary:
+    with files.atomic_write(root / "card" / "sequences.png") as temporary:
         strip.save(temporary, "PNG", optimize=True)
     splits = Counter(row["split"] for row in sequences)
     kinds = (
@@ -124,19 +118,26 @@ def write_card(root: Path) -> Path:
         for name in ("scene", "light", "trajectory")
         for value, count in sorted(Counter(row[name] for row in sequences).items())
     )
-    statistics = (
-        (meaning, *_percentiles(row[name] for row in sequences))
-        for name, meaning in _QUANTITIES.items()
-    )
+    statistics = {
+        name: " | ".join(_percentiles(row[name] for row in sequences))
+        for name in SequenceStatistics.model_fields.keys() - {"exposures"}
+    }
     sensors = []
-    for sensor in sorted({row["sensor"] for row in exposures}):
-        rows = [row for row in exposures if row["sensor"] == sensor]
+    are_few = len({row["level"] for row in exposures}) <= _MOST_LEVELS
+    for (sensor, level), grouped in groupby(
+        sorted(exposures, key=itemgetter("sensor", "level")),
+        lambda row: (row["sensor"], row["level"] if are_few else "all"),
+    ):
+        rows = list(grouped)
         times = sorted({row["exposure_s"] for row in rows})
         exposed = " to ".join(f"{time:g}" for time in dict.fromkeys((times[0], times[-1])))
         photons = _percentiles(row["photons_per_pixel"] for row in rows)
-        saturated = float(np.mean([row["saturated_fraction"] for row in rows]))
-        sensors.append((plain_text(sensor), exposed, *photons, f"{saturated:.2g}"))
-    head = ("sensor", "exposure, s", "photons per pixel: 5 %", "median", "95 %", "saturated")
+        light, snr, saturated = (
+            _percentiles(row.get(name) for row in rows)[1]
+            for name in ("light_fraction", "snr", "saturated_fraction")
+        )
+        names = plain_text(sensor), plain_text(level)
+        sensors.append((*names, exposed, *photons, light, snr, saturated))
     template = Path(__file__).with_name("dataset_card.md").read_text("utf-8")
     text = template.format(
         name=plain_text(plan.name), description=plain_text(plan.description), version=__version__,
@@ -144,9 +145,7 @@ def write_card(root: Path) -> Path:
         bytes=size(sum(row["bytes"] for row in sequences)),
         sizes=", ".join(sorted({f"{row['width']} × {row['height']}" for row in sequences})),
         splits=", ".join(f"`{name}` {splits[name]}" for name in plan.splits), sample=plan.sample,
-        kinds=_table(("", "sequences"), kinds),
-        statistics=_table(("per sequence", "5 %", "median", "95 %"), statistics),
-        exposures=_table(head, sensors),
+        kinds=_lines(kinds), exposures=_lines(sensors), **statistics,
     )  # fmt: skip
     path = root / "README.md"
     files.write_text(path, text)
@@ -172,7 +171,5 @@ def _percentiles(values: Iterable[float | None]) -> tuple[str, ...]:
     return tuple(number(float(value)) for value in np.nanpercentile(known, (5, 50, 95)))
 
 
-def _table(head: Iterable[str], rows: Iterable[Iterable[str]]) -> str:
-    lines = [list(head), *([*row] for row in rows)]
-    texts = [f"| {' | '.join(line)} |" for line in lines]
-    return "\n".join([texts[0], "|---" * len(lines[0]) + "|", *texts[1:]])
+def _lines(rows: Iterable[Iterable[str]]) -> str:
+    return "\n".join(f"| {' | '.join(row)} |" for row in rows)

@@ -14,9 +14,7 @@ from megalopta.core.errors import shell_command
 from megalopta.core.quantities import UNDEFINED, number, percent, short
 from megalopta.flow.metrics.photon_threshold import ErrorCurve
 from megalopta.report import sections as html, style as svg
-from megalopta.report.sections import Section
 from megalopta.report.source import Budget, Report
-from megalopta.report.style import BLACK, method_style
 from megalopta.report.text import level_name, relative_error
 
 ACCURATE = 0.25
@@ -69,9 +67,9 @@ def pivoted(label: str, corner: str, cells: Iterable[tuple[str, str, str]]) -> M
     return html.table(label, [corner, *columns], lines) if lines else Markup("")
 
 
-def detector_section(report: Report) -> Section:
+def detector_section(report: Report) -> html.Section:
     """Return the section "Detectors"; if detectors have not run, the command to run."""
-    section = Section("Error over light", name="detectors")
+    section = html.Section("Error over light", name="detectors")
     if not report.flow:
         missing = absent(report, "flow", "Motion detectors have not run yet.")
         return replace(section, body=missing)
@@ -128,12 +126,12 @@ def light_chart(report: Report) -> Markup:
             if (record.method, record.sensor) == (method, sensor)
         }
         budgets = [budget for budget in report.of(sensor) if math.isfinite(errors[budget.level])]
-        look = method_style(method) | {"linestyle": svg.DASHES[place % len(svg.DASHES)]}
+        look = svg.method_style(method) | {"linestyle": svg.DASHES[place % len(svg.DASHES)]}
         if budgets:
             photons = [budget.photons for budget in budgets]
             median = [min(errors[budget.level], 10) for budget in budgets]
             axes.plot(photons, median, **look, label=f"{method}, {sensor}")
-    axes.axhline(ACCURATE, color=BLACK, linewidth=1.2, linestyle=":")
+    axes.axhline(ACCURATE, color=svg.BLACK, linewidth=1.2, linestyle=":")
     svg.logarithmic(axes, "x", svg.NUMBERS)
     svg.logarithmic(axes, "y", FuncFormatter(lambda value, _: percent(value)))
     axes.yaxis.set_major_locator(LogLocator(subs=(1, 2.5, 5)))
@@ -162,9 +160,9 @@ def against_truth(report: Report) -> Markup:
     return Markup("\n").join(pivoted(label, label, cells) for label, cells in tables.items())
 
 
-def threshold_section(report: Report) -> Section:
+def threshold_section(report: Report) -> html.Section:
     """Return the section "Photons needed"; without a benchmark, the command to run."""
-    section = Section("Photons needed", name="photons")
+    section = html.Section("Photons needed", name="photons")
     if (benchmark := report.benchmark) is None:
         missing = "The photon benchmark has not run yet."
         return replace(section, body=absent(report, "benchmark photons", missing))
@@ -212,14 +210,14 @@ def error_chart(
     """
     figure, axes = svg.new_axes(svg.CHART_PT[0], 300)
     for curve in curves:
-        look = method_style(curve.method)
+        look = svg.method_style(curve.method)
         errors = np.array(curve.errors)
         errors = np.where(errors > 0, errors, np.nan)
         spread = 2 * np.array(curve.standard_errors)
         ends = np.clip(errors - spread, 1e-9, None), errors + spread
         axes.fill_between(curve.fluxes, *ends, color=look["color"], alpha=0.2, linewidth=0)
         axes.plot(curve.fluxes, errors, **look, markersize=4, label=curve.method)
-    axes.axhline(ACCURATE, color=BLACK, linewidth=1.2, linestyle="--")
+    axes.axhline(ACCURATE, color=svg.BLACK, linewidth=1.2, linestyle="--")
     near: dict[str, Any] = {"textcoords": "offset points", "ha": "right"}
     right = {"xycoords": ("axes fraction", "data"), "fontsize": 10.5, **near}
     axes.annotate(f"{percent(ACCURATE)} error", (1, ACCURATE), (-3, 3), **right)
@@ -227,7 +225,7 @@ def error_chart(
     for budget in budgets:
         flux = budget.photons_per_frame
         if curves and curves[0].fluxes[0] <= flux <= curves[0].fluxes[-1]:
-            axes.axvline(flux, color=BLACK, linewidth=1, linestyle=":")
+            axes.axvline(flux, color=svg.BLACK, linewidth=1, linestyle=":")
             sensor = budget.sensor.name.replace("$", r"\$")  # no mathematics
             text = f"{sensor}, {level_name(budget.level)}"
             axes.annotate(text, (flux, 1), (-2, -3), rotation=90, **above)

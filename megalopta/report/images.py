@@ -77,10 +77,10 @@ class ColorScale:
         )
 
 
-def gray_scale(white: float) -> ColorScale:
-    """Light from 0 (black) to `white`; marked pixels are orange."""
+def gray_scale(white: float, black: float = 0.0) -> ColorScale:
+    """Light from `black` to `white`; marked pixels are orange."""
     ramp = np.linspace(0, 255, _COLORS).astype(np.uint8)
-    return ColorScale(0.0, white, np.repeat(ramp[:, np.newaxis], 3, axis=1), ORANGE, root=2.2)
+    return ColorScale(black, white, np.repeat(ramp[:, np.newaxis], 3, axis=1), ORANGE, root=2.2)
 
 
 def map_scale(name: str, low: float, high: float) -> ColorScale:

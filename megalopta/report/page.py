@@ -13,15 +13,7 @@ from megalopta.core.quantities import number, percent, with_error
 from megalopta.dataset.flow_record import FlowRecord
 from megalopta.dataset.store import Dataset
 from megalopta.flow.detectors.registry import METHODS
-from megalopta.report import images, sections as html
-from megalopta.report.detectors import (
-    ACCURATE,
-    STAND_IN,
-    absent,
-    detector_section,
-    threshold_section,
-)
-from megalopta.report.sections import Section
+from megalopta.report import detectors, images, sections as html
 from megalopta.report.source import Budget, Report
 from megalopta.report.text import level_name, level_title, lux, title
 from megalopta.scenes import Pictures
@@ -54,10 +46,10 @@ def write_report(dataset: Dataset) -> Path:
         title(report.settings),
         outcome(report, best),
         [
-            detector_section(report),
+            detectors.detector_section(report),
             light_section(report),
             motion_section(report),
-            threshold_section(report),
+            detectors.threshold_section(report),
             making_section(report),
         ],
         header=first_screen(report, best),
@@ -83,7 +75,7 @@ def best_flow(report: Report) -> FlowRecord | None:
 def is_accurate(record: FlowRecord) -> bool:
     """Return whether three quarters of the blocks or more are within 25 %."""
     outliers = record.truth.counts.outlier_fraction if record.truth else None
-    return outliers is not None and outliers <= ACCURATE
+    return outliers is not None and outliers <= detectors.ACCURATE
 
 
 def outcome(report: Report, best: FlowRecord | None) -> str:
@@ -93,14 +85,9 @@ def outcome(report: Report, best: FlowRecord | None) -> str:
     if best is None:
         names = " and ".join(pixels_of(sensor.name) for sensor in report.settings.sensors)
         return f"The light has become {' and '.join(report.units)} of {names}; no motion is scored."
-    lit = next(
-        budget
-        for budget in report.exposures
-        if (budget.sensor.name, budget.level) == (best.sensor, best.level)
-    )
-    where = (
-        f"{level_title(best.level)}, {number(lit.detected)} detected photons per pixel and frame"
-    )
+    (lit,) = (budget for budget in report.of(best.sensor) if budget.level == best.level)
+    light = f"{number(lit.detected)} detected photons per pixel and frame"
+    where = f"{level_title(best.level)}, {light}"
     if not is_accurate(best):
         return (
             f"No method finds the {report.motion_name} in this light: "
@@ -148,7 +135,7 @@ def first_screen(report: Report, best: FlowRecord | None) -> Markup:
             f"of the speed is the median error of flow at {level_name(best.level)} (95 %: {low} to "
             f"{high}). {percent(truth.counts.outlier_fraction)} of blocks err by over 25 %; "
             "below a quarter is good. "
-            f"{'' if report.has_truth else STAND_IN}"
+            f"{'' if report.has_truth else detectors.STAND_IN}"
         )
         parts.append(html.block("score", score, html.paragraph(meaning)))
     parts.append(html.block("strip", *films))
@@ -178,11 +165,11 @@ def scene_and_light(report: Report) -> str:
     return f"{scene.describe()} {before}The {settings.camera} {settings.trajectory}."
 
 
-def light_section(report: Report) -> Section:
+def light_section(report: Report) -> html.Section:
     """Return the section "From light to counts"; without counts, the command to run."""
-    section = Section(f"From light to {' and '.join(report.units)}", name="light")
+    section = html.Section(f"From light to {' and '.join(report.units)}", name="light")
     if not report.exposures:
-        missing = absent(report, "sense", "No sensor has been exposed yet.")
+        missing = detectors.absent(report, "sense", "No sensor has been exposed yet.")
         return replace(section, body=missing)
     shutter, films_of_all, rows = report.settings.shutter, [], []
     if not report.has_truth:
@@ -232,7 +219,7 @@ def light_section(report: Report) -> Section:
     return replace(section, text=_LIGHT + timing, body=Markup("\n").join(body))
 
 
-def motion_section(report: Report) -> Section:
+def motion_section(report: Report) -> html.Section:
     """Return the section "True motion"; for pictures, with the stand-in for it."""
     shown, truths = report.shown, report.truths
     films, speed = [], 0.0
@@ -243,8 +230,8 @@ def motion_section(report: Report) -> Section:
         speed = float(np.median(known)) if known.size else 0.0
     if not report.has_truth:
         body = html.block("strip", *films)
-        text = f"{STAND_IN}Its median speed is {speed:.2g} px per frame."
-        return Section("Motion of the pictures", text, body=body, name="motion")
+        text = f"{detectors.STAND_IN}Its median speed is {speed:.2g} px per frame."
+        return html.Section("Motion of the pictures", text, body=body, name="motion")
     films.append(shown.depth.film(shown.frames))
     if shown.rim:
         hidden = []
@@ -258,15 +245,15 @@ def motion_section(report: Report) -> Section:
     body = html.block("strip", *films)
     if not shown.rim:
         text = "A single frame has no motion; its depth is known exactly."
-        return Section("Truth", text, body=body, name="motion")
+        return html.Section("Truth", text, body=body, name="motion")
     note = f"Depth is measured {report.settings.camera.depth_meaning}; its colors are logarithmic."
     body += html.paragraph(note, "note")
     share = percent(float(np.mean([truth.occluded_forward.mean() for truth in truths])))
     text = f"The median speed is {speed:.2g} px per frame; {share} of the pixels are hidden next."
-    return Section("True motion", text, body=body, name="motion")
+    return html.Section("True motion", text, body=body, name="motion")
 
 
-def making_section(report: Report) -> Section:
+def making_section(report: Report) -> html.Section:
     """Return the noise of the rendered light (median over pixels), times and settings."""
     times = report.timings.items()
     spent = ", ".join(f"{stage} {duration(seconds)}" for stage, seconds in times)
@@ -285,4 +272,4 @@ def making_section(report: Report) -> Section:
         variant = report.scene.get("variant", "not noted")
         body.append(html.paragraph(f"Rendered with Mitsuba’s variant {variant}.", "note"))
     text = f"{scene_and_light(report)} All settings, with their seeds, are in dataset.yaml."
-    return Section("How it was made", text, body=Markup("\n").join(body), name="made")
+    return html.Section("How it was made", text, body=Markup("\n").join(body), name="made")

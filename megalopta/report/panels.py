@@ -140,12 +140,12 @@ def file_view(path: Path, treatment: Treatment, kind: FrameKind | None = None) -
     )  # fmt: skip
 
 
-def sequence_view(root: Path, treatment: Treatment) -> View:
-    """Return the view of a dataset of one sequence, with its finished stages.
+def sequence_view(root: Path, treatment: Treatment, name: str | None = None) -> View:
+    """Return the view of a sequence of a dataset, by default the first, with its finished stages.
 
     Raises UserError if it is damaged, not rendered yet, or does not allow the treatment.
     """
-    sequence = open_dataset(root)[0]
+    sequence = open_dataset(root)[name or 0]
     settings, (height, width) = sequence.configuration, sequence.shape
     has_truth = settings.scene.has_truth
     if has_truth:
@@ -360,13 +360,14 @@ class SequencePanels:
 
 
 def readings_panel(readings: ShownReadings, frames: Listed[int], step: int) -> Panel:
-    """Return readings as grays, saturated pixels in orange; some of the frames give the white."""
+    """Return readings as grays from none, or of uniform ones their darkest hundredth, to white."""
     sampled = [readings.frame(frame) for frame in images.evenly_spaced(frames, _SAMPLED)]
     shown = np.stack([values for values, _ in sampled])
     is_net = readings.unit == "events" and bool((shown < 0).any())  # of ON and OFF
-    bright = np.percentile(abs(shown), 95)
-    white = max(float(bright), 1e-6 if readings.treatment.is_inverted else 1.0)
-    scale = images.map_scale("RdBu", -white, white) if is_net else images.gray_scale(white)
+    black, bright = np.percentile(abs(shown), (1, 95)).tolist()
+    white = max(bright, 1e-6 if readings.treatment.is_inverted else 1.0)
+    black = black if white > black > white / 2 else 0.0
+    scale = images.map_scale("RdBu", -white, white) if is_net else images.gray_scale(white, black)
 
     @lru_cache(MOST_FRAMES)
     def picture(frame: int) -> Image.Image:
@@ -374,12 +375,13 @@ def readings_panel(readings: ShownReadings, frames: Listed[int], step: int) -> P
         values = values[::step, ::step]
         if values.ndim == 2:
             return scale.picture(values, full[::step, ::step])
-        share = np.clip(values / white, 0, 1) ** (1 / scale.root)
+        share = np.clip((values - black) / (white - black), 0, 1) ** (1 / scale.root)
         return images.rgb_picture(np.rint(255 * share).astype(np.uint8))
 
     is_full = any(full.any() for _, full in sampled)
     unit = "detections" if readings.treatment.is_inverted else readings.unit
-    low, high, caption = "0", f"≥ {short(white)} {unit}", f"black 0, white {number(white)} {unit}"
+    low, high = f"{'≤ ' * (black > 0)}{short(black)}", f"≥ {short(white)} {unit}"
+    caption = f"black {short(black)}, white {number(white)} {unit}"
     note = "orange: saturated pixels" if is_full else ""
     if is_net:
         low, high, note = f"≥ {short(white)} OFF", f"≥ {short(white)} ON", "blue: ON, red: OFF"
@@ -389,9 +391,11 @@ def readings_panel(readings: ShownReadings, frames: Listed[int], step: int) -> P
 
 
 def flow_panel(
-    kind: Literal["flow", "motion"], name: str, flow: Callable[[int], NDArray[np.floating]],
+    kind: Literal["flow", "motion"],
+    name: str,
+    flow: Callable[[int], NDArray[np.floating]],
     fastest: float,
-) -> Panel:  # fmt: skip
+) -> Panel:
     """Return flow (h, w, 2) of frames as colors; the speed `fastest` has the full one."""
     caption = f"hue is direction (red to the right), full color {number(fastest)} px per frame"
 

@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from megalopta.camera.recording import SETTINGS, is_recording, open_recording
-from megalopta.camera.sources import Source, look_at
+from megalopta.camera.sources import Source, look_at, named_source
+from megalopta.core import bounded
 from megalopta.core.arrays import Floats, Mask
-from megalopta.core.bounded import check_decoded, file_content, plain_array
-from megalopta.core.errors import UserError, refused_as, shell_command
+from megalopta.core.errors import UserError, near_path, refused_as, shell_command
 from megalopta.dataset.opened import open_dataset
 from megalopta.render import is_footage
 from megalopta.sensor import ImageSensor, Sensor, read_events
@@ -27,8 +27,6 @@ from megalopta.stages.sense import burst_frames
 
 _ARRAYS = (".npy", ".npz", ".tif", ".tiff")
 """Suffixes of files that hold readings, or pictures"""
-_AT_ONCE = 2**23
-"""Readings in memory"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,7 +95,7 @@ class ShownReadings:
         """Return what is shown from a frame on, and which were saturated, (H, W) or (H, W, 3)."""
         summed, is_inverted = self.treatment.summed, self.treatment.is_inverted
         values, is_full = np.zeros(self.shape[1:]), np.zeros(self.shape[1:], np.bool_)
-        end, most = number + summed, max(1, _AT_ONCE // math.prod(self.shape[1:]))
+        end, most = number + summed, max(1, 2**23 // math.prod(self.shape[1:]))  # readings at once
         for first in range(number, end, most):
             counts, full = self.read(slice(first, min(first + most, end)))
             if is_inverted and not self.bits:
@@ -131,6 +129,8 @@ def readings_of(path: Path, kind: FrameKind | None = None) -> ShownReadings:
 
     Raises UserError where there are none, or they are damaged.
     """
+    source = named_source(str(path), kind)
+    path = source.path
     is_array = path.suffix.lower() in _ARRAYS or any(path.glob("*.bin")) or _is_stated(path, kind)
     if not (is_array or is_recording(path)) and path.exists() and is_footage(path):
         sense = shell_command("sense", path, "--photons", "2")
@@ -139,8 +139,8 @@ def readings_of(path: Path, kind: FrameKind | None = None) -> ShownReadings:
             "counts, give --format png or tiff"
         )
     if not (is_array or is_recording(path) or path.is_file()):
-        raise UserError(f"{path}: no dataset, recording, or file of frames or events; give one")
-    source = Source(path=path, format=kind)
+        near = near_path(path, "give one")
+        raise UserError(f"{path}: no dataset, recording, or file of frames or events; {near}")
     with refused_as("", OSError):
         if is_recording(path):
             recording = open_recording(path)
@@ -180,7 +180,7 @@ def _is_stated(path: Path, kind: FrameKind | None) -> bool:
 def read_mask(path: Path) -> Mask:
     """Return the mask of bad pixels of a .npy file, true where bad, (H, W). Raises UserError."""
     with refused_as():
-        mask = plain_array(file_content(path, "--bad-pixels"), "b")
+        mask = bounded.plain_array(bounded.file_content(path, "--bad-pixels"), "b")
     if mask is None or mask.ndim != 2 or mask.all():
         raise UserError(
             f"--bad-pixels: {path} is no mask; give bool (rows, columns), true where a pixel is bad"
@@ -196,7 +196,7 @@ def _of_frames(
     shape, bits = first.counts.shape[1:], int(first.bit_depth == 1) or source.sums or 0
     if len(shape) > 2 and shape[2] != 3:
         raise ValueError(f"{path}: {shape[2]} colors of a pixel; give gray frames, or three")
-    check_decoded(path, shape, 40)  # bytes of a reading while its frame is drawn
+    bounded.check_decoded(path, shape, 40)  # bytes of a reading while its frame is drawn
     stated = source.model_copy(update={"format": first.source, "values": first.values})
     stack = stated.read(slice(None)).counts if first.source == "tiff" and path.is_file() else None
 

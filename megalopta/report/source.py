@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from megalopta.config.light_scale import light_scale
 from megalopta.config.model import Configuration, LightLevel
 from megalopta.core.errors import refused_as, shell_command
 from megalopta.dataset.frames import read_radiance_frame, read_truth_frame
@@ -118,7 +117,7 @@ class Report:
     ) -> Budget:
         opened, settings = open_exposure(self.dataset, sensor, level), self.settings
         frames, bands = list(self.shown.frames), settings.render.bands_nm
-        scale, noise = light_scale(settings, level), self.scene.get("monte_carlo") or {}
+        scale, noise = settings.light_scale(level), self.scene.get("monte_carlo") or {}
         light, middle = radiance * scale.astype(np.float32), len(frames) // 2
         when: dict[str, Any] = {
             "first_frame": frames[middle],

@@ -24,7 +24,7 @@ from matplotlib.ticker import EngFormatter, FuncFormatter, NullLocator, ScalarFo
 from matplotlib.typing import LineStyleType
 
 from megalopta.core.arrays import Floats
-from megalopta.flow.detectors.registry import METHODS, THESIS_METHODS
+from megalopta.flow.detectors.registry import METHODS
 
 BLUE = "#0072B2"
 ORANGE = "#E69F00"
@@ -55,36 +55,37 @@ _STYLE = matplotlib.rc_params_from_file(
 
 
 @cache
-def _free_colors(methods: tuple[str, ...]) -> tuple[str, ...]:
-    """Return colors, each as far as possible from those before it and those of methods (CIELAB)."""
+def _free_colors() -> tuple[str, ...]:
+    """Return colors, each as far as possible from those before it and of all methods (CIELAB)."""
     from skimage.color import rgb2lab
 
     axes = np.meshgrid(np.arange(48) / 48, (0.6, 1), (0.4, 0.6, 0.8))
     shades = hsv_to_rgb(np.stack(axes, -1).reshape(-1, 3))
-    taken = [to_rgb(color) for color in (*map(METHOD_COLORS.__getitem__, methods), BLACK, GRAY)]
+    colors = [to_rgb(color) for color in (*METHOD_COLORS.values(), BLACK, GRAY)]
     for _ in range(8):
-        nearest = np.linalg.norm(rgb2lab(shades)[:, None] - rgb2lab(taken), axis=-1).min(axis=1)
-        taken.append(shades[nearest.argmax()])
-    return tuple(to_hex(color) for color in taken[-8:])
+        nearest = np.linalg.norm(rgb2lab(shades)[:, None] - rgb2lab(colors), axis=-1).min(axis=1)
+        colors.append(shades[nearest.argmax()])
+    return tuple(to_hex(color) for color in colors[-8:])
 
 
-def method_style(name: str, among: Sequence[str] = tuple(METHOD_COLORS)) -> dict[str, Any]:
-    """Return color, marker and dash of a method: solid for the dissertation's, dashed for others.
+def method_style(name: str, among: Sequence[str] = ()) -> dict[str, Any]:
+    """Return color, marker, dash and width of a method: dashed on roots of counts (√).
 
-    `DIS tuned` looks like DIS. A method that is not in the list, such as a Python function, gets a
-    color that none `among` those of the plot has, by its place or its name.
+    All forms of DIS have its color. A method that is not in the list, such as a Python function, is
+    thick, in a color of its own by its place `among` those of the plot, or by its name.
     """
-    name, *among = (text.removesuffix(" tuned") for text in (name, *among))
+    forms = r"(?m)^(.+?)(?: (tuned|√|NLM))?$"
+    (name, form), *others = re.findall(forms, "\n".join((name, *among)))
     number = list(METHODS).index(name) if name in METHODS else crc32(name.encode())
-    others = [other for other in among if other not in METHOD_COLORS]
-    color = METHOD_COLORS.get(name)
+    color, own = METHOD_COLORS.get(name), [other for other, _ in others if other not in METHODS]
     if color is None:
-        free = _free_colors(tuple(known for known in among if known in METHOD_COLORS))
-        color = free[(others.index(name) if name in others else number) % len(free)]
+        free = _free_colors()
+        color = free[(own.index(name) if name in own else number) % len(free)]
     return {
         "color": color,
         "marker": MARKERS[(number + number // len(MARKERS)) % len(MARKERS)],
-        "linestyle": "-" if name in THESIS_METHODS else "--",
+        "linestyle": {"√": "--", "NLM": ":"}.get(form, "-"),
+        **({} if name in METHODS else {"linewidth": 3.5}),
     }
 
 
@@ -103,15 +104,11 @@ def house_style(changes: Mapping[Any, Any] = MappingProxyType({})) -> Iterator[N
         yield
 
 
-_THEMED = {BLACK: "currentColor", RULE: "var(--rule)"}
 _POINTS_PER_INCH = 72
 CHART_PT = 380, 270
 """Width and height (pt); also the width of a page on a telephone, so that text keeps its size"""
-_WIDEST_PT = 460
-"""Wider figures scroll on a telephone, where their text would be too small"""
-_LEAST_PX_PER_PT = 0.75
-_MAP, _BAR = (0.1, 0.13, 0.68, 0.78), (0.8, 0.17, 0.025, 0.7)
-"""Left, bottom, width and height in the picture; constants are faster than a layout."""
+_MAP_PT = 258, 210
+"""Largest width and height of a map; constants are faster than a layout"""
 
 NUMBERS = FuncFormatter(
     lambda value, _: EngFormatter(sep="")(value) if value >= 1000 else f"{value:g}"
@@ -149,11 +146,11 @@ def to_svg(figure: Figure, name: str, description: str) -> Markup:
         figure.savefig(file, format="svg", transparent=True, metadata=nothing, dpi=200)
     inside = file.getvalue().partition("</style>")[2].partition("</defs>")[2]
     inside = re.sub(r' id="[^"]+_\d+"', "", inside)  # of groups, the same in every figure
-    for color, css in _THEMED.items():
+    for color, css in {BLACK: "currentColor", RULE: "var(--rule)"}.items():
         inside = inside.replace(color.lower(), css)
     width_pt, height_pt = (_POINTS_PER_INCH * length for length in figure.get_size_inches())
-    is_wide = width_pt >= _WIDEST_PT
-    least = f"min-width: {_LEAST_PX_PER_PT * width_pt:.0f}px; " if is_wide else ""
+    is_wide = width_pt >= 460  # pt; telephones would make its text too small
+    least = f"min-width: {0.75 * width_pt:.0f}px; " if is_wide else ""  # px per pt
     svg = Markup(
         '<svg class="plot" role="img" aria-label="{}" style="{}--natural: {:g}in" '
         'viewBox="0 0 {:g} {:g}">{}'
@@ -170,12 +167,19 @@ def with_legend(figure: Figure, name: str, description: str, **legend: Any) -> M
 
 @in_style
 def map_chart(
-    values: Floats, name: str, title: str, limits: tuple[float, float] | None = None,
+    values: Floats,
+    name: str,
+    title: str,
+    limits: tuple[float, float] | None = None,
     colors: str = "viridis",
-) -> Markup:  # fmt: skip
+) -> Markup:
     """Return a map of pixels (rows, columns) with its color bar; unknown pixels are gray."""
-    figure = Figure(figsize=(CHART_PT[0] / _POINTS_PER_INCH, CHART_PT[1] / _POINTS_PER_INCH))
-    axes, bar = figure.add_axes(_MAP), figure.add_axes(_BAR)
+    rows, columns = values.shape
+    map_pt = min(max(_MAP_PT[0] * rows / columns, 60.0), _MAP_PT[1])
+    width, height = CHART_PT[0], map_pt + 60
+    figure = Figure(figsize=(width / _POINTS_PER_INCH, height / _POINTS_PER_INCH))
+    axes = figure.add_axes((38 / width, 36 / height, _MAP_PT[0] / width, map_pt / height))
+    bar = figure.add_axes((304 / width, 46 / height, 10 / width, (map_pt - 20) / height))
     low, high = limits or color_limits(values)
     shades = matplotlib.colormaps[colors].with_extremes(bad=GRAY)
     picture = axes.imshow(values, cmap=shades, vmin=low, vmax=high, interpolation="nearest")

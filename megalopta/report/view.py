@@ -17,6 +17,7 @@ from megalopta.core.progress import progress
 from megalopta.core.quantities import number
 from megalopta.dataset.frames import read_truth_frame
 from megalopta.dataset.opened import open_dataset
+from megalopta.dataset.store import open_sequence
 from megalopta.report import images
 from megalopta.report.dataset_card import SHOWN, write_contact_sheet
 from megalopta.report.panels import LONGEST_SIDE_PX, MOST_FRAMES, View, file_view, sequence_view
@@ -59,17 +60,20 @@ def view(
     """Write film.mp4, film.gif and view.html of a thing into a folder; return their paths.
 
     The thing is a dataset, of one sequence or of many, of which a contact sheet is written instead,
-    a recording, or a file or folder of frames or events. film.mp4 needs PyAV (extra `video`),
-    view.rrd the Rerun SDK (extra `rerun`).
+    "DATASET/SEQUENCE", a recording, or a file or folder of frames or events. film.mp4 needs PyAV
+    (extra `video`), view.rrd the Rerun SDK (extra `rerun`).
 
     Raises UserError where it is none of these, is damaged, or cannot be shown as options.
     """
     thing, folder, options = Path(thing), Path(out), options or ViewOptions()
+    is_of_many = not thing.exists() and (thing.parent / "dataset.yaml").exists()
+    thing, name = (thing.parent, thing.name) if is_of_many else (thing, None)
     is_dataset = (thing / "dataset.yaml").exists()
-    if is_dataset and len(open_dataset(thing)) > 1:
+    if is_dataset and name is None and len(open_dataset(thing)) > 1:
         if options != ViewOptions():
+            sequence = thing / open_dataset(thing).names[0]
             raise UserError(
-                f"{thing}: many sequences have only a contact sheet; omit --sum and similar options"
+                f"{thing}: many sequences have no film; omit options, or view {sequence}"
             )
         return [write_contact_sheet(thing, SHOWN, folder)]
     if is_dataset and options.kind:
@@ -77,7 +81,9 @@ def view(
     bad = read_mask(options.bad_pixels) if options.bad_pixels else None
     treatment = Treatment(options.summed, options.is_inverted, bad)
     if is_dataset:
-        shown = sequence_view(thing, treatment)
+        if not open_dataset(thing).names:
+            open_sequence(thing)  # says what to run
+        shown = sequence_view(thing, treatment, name)
     else:
         shown = file_view(thing, treatment, options.kind)
     written = [write_rrd(folder / "view.rrd", shown)] if options.with_rerun else []
@@ -104,6 +110,8 @@ def _write_film(shown: View, folder: Path, fps: float | None) -> list[Path]:
     flow = [panel for panel in shown.of("flow") if (panel.sensor, panel.level) in brightest]
     panels = [*shown.of("light"), *readings, *flow, *shown.of("motion")]
     titles = [f"{panel.name}, {getattr(panel, varied)}".rstrip(", ") for panel in panels]
+    if shown.sequence is None:  # of a file, the one panel has no legend in a film
+        titles = [f"{shown.title}: {panels[0].caption}"]
     notes = filter(None, dict.fromkeys([*constant[:1], *(panel.note for panel in panels)]))
     remarks = "".join(f" · {note}" for note in notes)
     frames = shown.frames[:: math.ceil(len(shown.frames) / _FILM_FRAMES)]
@@ -127,9 +135,11 @@ def _write_page(shown: View, path: Path, fps: float | None) -> Path:
     most = min(MOST_FRAMES, _STRIP_PX * shown.step // shown.shape[0], _PANEL_BYTES // frame_bytes)
     fitting, step = images.selection(shown.frames, shown.shape, films, LONGEST_SIDE_PX, most)
     total, summed = len(shown.frames), shown.treatment.summed if shown.of("readings") else 1
-    what = f"sums of {summed} frames" if summed > 1 else "frames"
-    apart, film_apart = math.ceil(total / len(fitting)), math.ceil(total / _FILM_FRAMES)
-    frames = shown.frames[::apart]
+    unit = f"sums of {summed} frames" if summed > 1 else "frames"
+    if shown.sequence and unit == "frames" and total < len(shown.sequence):
+        unit = "frames with a next one"
+    spacing, film_spacing = math.ceil(total / len(fitting)), math.ceil(total / _FILM_FRAMES)
+    frames = shown.frames[::spacing]
     sensors, levels = _exposures(shown)
     player = replace(shown.player(frames, fps), sensors=sensors, levels=levels)
     chosen = Markup('<div class="chosen" data-sensor="{}" data-level="{}"{}>{}</div>')
@@ -145,9 +155,9 @@ def _write_page(shown: View, path: Path, fps: float | None) -> Path:
                 parts.append(block("", film))
             advance()
     body = block("panels", *parts) + (images.wheel(shown.rim) if shown.rim else "")
-    sampled = f"Of {total} {what}, the page shows one in {apart}, the film one in {film_apart}."
-    if apart == film_apart == 1:
-        sampled = f"Page and film show all {total} {what}."
+    sampled = f"Of {total} {unit}, the page shows one in {spacing}, the film one in {film_spacing}."
+    if spacing == film_spacing == 1:
+        sampled = f"Page and film show all {total} {unit}."
     summary = [shown.summary, sampled.replace("one in 1,", "all,").replace("one in 1.", "all.")]
     if shown.of("readings"):
         summary.append(shown.treatment.description())

@@ -60,7 +60,9 @@ def write_corrected(dataset: Dataset, sensor: ImageSensor, opened: Sequence[Open
     if not missing or not isinstance(sensor, Sensor | FrameSensor):
         return
     frames, at_once = len(opened[0]["counts"]), frames_at_once(dataset.configuration)
-    with progress(f"Correcting {sensor.name}", len(missing) * frames, "frame") as advance:
+    with progress(
+        f"Correcting {sensor.name} (correct: true)", len(missing) * frames, "frame"
+    ) as advance:
         settings = dataset.configuration
         device = sensor
         if settings.free_running and isinstance(sensor, Sensor):

@@ -11,7 +11,7 @@ from tempfile import TemporaryDirectory
 import numpy as np
 from numpy.typing import NDArray
 
-from megalopta.config.drawing import configuration_of, split_warnings
+from megalopta.config.drawing import configuration_of, plan_warnings
 from megalopta.config.model import Configuration
 from megalopta.config.recipe import Plan
 from megalopta.core import files
@@ -20,7 +20,8 @@ from megalopta.dataset.store import Dataset
 from megalopta.render import dr
 from megalopta.stages.jobs import threads_of
 from megalopta.stages.limits import size
-from megalopta.stages.make import write_flow_files
+from megalopta.stages.make import exposure_statistics, write_flow_files
+from megalopta.stages.noise_warning import light_note
 from megalopta.stages.registry import STAGES
 from megalopta.stages.render import FrameWriter, write_previews
 
@@ -36,7 +37,7 @@ def estimate_plan(
     with its share of the cores.
     """
     dr.set_thread_count(threads_of(workers))
-    for warning in split_warnings(plan):
+    for warning in plan_warnings(plan):
         say(warning)
     indices = list(only) if only is not None else range(plan.sequences)
     drawn = [configuration_of(plan, n) for n in indices[:: max(1, len(indices) // 200)]]
@@ -50,10 +51,11 @@ def estimate_plan(
 
 
 def cost_of(drawn: Sequence[Configuration], plan: Plan) -> tuple[float, float]:
-    """Return seconds and bytes of some sequences, from one of each third, by scene and size."""
+    """Return seconds and bytes of some sequences, from one of each scene, at most three."""
     ordered = sorted(drawn, key=lambda settings: (settings.scene.kind, _pixels(settings)))
-    total = np.zeros(2)
-    for part in np.array_split(np.arange(len(ordered)), min(3, len(ordered))):
+    total, kinds = np.zeros(2), {(settings.scene.kind, _pixels(settings)) for settings in drawn}
+    parts = min(3, max(len(plan.scenes), len(kinds)), len(ordered))
+    for part in np.array_split(np.arange(len(ordered)), parts):
         members = [ordered[index] for index in part]
         middle = members[len(members) // 2]
         say(f"measuring {middle.scene.kind}, {middle.camera.width} × {middle.camera.height} px")
@@ -84,9 +86,11 @@ def measured(settings: Configuration, plan: Plan) -> tuple[float, NDArray[np.flo
         write_flow_files(dataset, plan.flow_files)
         seconds = time.perf_counter() - first
         bytes_ = sum(file.stat().st_size for file in files.files_in([dataset.root])) / path.frames
+        note = light_note(exposure_statistics(dataset))
+    if note:
+        say(note)
     return first - start, np.array([seconds, bytes_]) / (strip.width * strip.height)
 
 
 def _pixels(settings: Configuration) -> int:
-    """Return the pixels of all frames."""
     return settings.camera.width * settings.camera.height * settings.trajectory.frames

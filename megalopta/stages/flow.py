@@ -96,11 +96,8 @@ def _measure_exposure(
                 start, length = max(first - missing, 0), shape[0] - missing
                 write_frames(group, key, start, values.astype(np.float32), length)
             advance(len(frames.saturated))
-    share = saturated / math.prod(shape)
-    return [
-        {"saturated_fraction": share, **measurement.record()}
-        for measurement in measurements.values()
-    ]
+    share = {"saturated_fraction": saturated / math.prod(shape)}
+    return [share | measurement.record() for measurement in measurements.values()]
 
 
 def _seen_frames(
@@ -119,16 +116,14 @@ def _seen_frames(
     at_once = frames_at_once(settings)
     for first in range(0, opened["counts"].shape[0], at_once):
         chunk = slice(first, first + at_once)
-        yield (
-            first,
-            SeenFrames(
-                (opened["counts"][chunk], to_one),
-                (opened["mean_reading"][chunk].astype(np.float64), to_one),
-                scaled(photons, chunk, photons_to_one),
-                scaled(corrected, chunk, corrected_to_one),
-                opened["saturated"][chunk],
-            ),
+        seen = SeenFrames(
+            (opened["counts"][chunk], to_one),
+            (opened["mean_reading"][chunk].astype(np.float64), to_one),
+            scaled(photons, chunk, photons_to_one),
+            scaled(corrected, chunk, corrected_to_one),
+            opened["saturated"][chunk],
         )
+        yield first, seen
 
 
 def _block_truths(dataset: Dataset) -> dict[str, BlockTruth]:

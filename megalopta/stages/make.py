@@ -1,5 +1,6 @@
 """Make the sequences of a plan, and add output to all sequences of a dataset."""
 
+import math
 import re
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import closing
@@ -26,8 +27,10 @@ from megalopta.dataset.record import MADE, ExposureStatistics, SequenceStatistic
 from megalopta.dataset.sintel import read_disparity, write_kitti_disparity
 from megalopta.dataset.store import Dataset, Tree, exposure_name, hashes_of, open_sequence
 from megalopta.flow.formats import read_flo, write_flo5, write_kitti_png
+from megalopta.sensor import expectation
 from megalopta.sensor.formats.products import ProductName, product_stem
 from megalopta.stages.jobs import run_jobs
+from megalopta.stages.noise_warning import light_note
 from megalopta.stages.registry import STAGES, differences_text, provenance_changes
 from megalopta.stages.run import check_stage, foresee, run, run_stage
 from megalopta.stages.sense import expose, open_exposure
@@ -61,7 +64,7 @@ def make(
         for stage in MADE:
             check_stage(stage, configuration, tree.root)
     plan_of_all = _whole_plan(tree, plan)
-    for warning in drawing.split_warnings(plan):
+    for warning in drawing.plan_warnings(plan):
         say(warning)
     with locked(tree.root):
         tree.sweep()
@@ -79,6 +82,12 @@ def make(
             _run("Making sequences", partial(_make, tree.root, plan), todo, workers, scheduler)
         finally:
             write_index(tree, plan_of_all)
+        records = [tree.record(name) for name in _some(tree)] if todo else []
+        if note := light_note(exposure for record in records for exposure in record.exposures):
+            say(note)
+        counted = [record for record in records if record.index % plan.cameras_per_path == 0]
+        if len({len(record.exposures) for record in counted}) > 1:
+            say("`megalopta sense` added exposures to earlier sequences; run it again for the new")
     return tree
 
 
@@ -131,8 +140,8 @@ def _whole_plan(tree: Tree, plan: Plan) -> Plan:
     old, new = ({**kept.model_dump(mode="json"), "sequences": 0} for kept in (former, plan))
     if changes := differences_text(old, new):
         raise UserError(
-            f"{root} was made from another plan ({changes}); choose another folder "
-            "(only the number of sequences may grow)"
+            f"{root} was made from another plan ({changes}); choose another folder (only sequences "
+            "may be added here, and exposures by megalopta sense)"
         )
     fields = [field for stage in MADE for field in STAGES[stage].fields]  # not those of `flow`
     for record in map(tree.record, _some(tree)):
@@ -232,7 +241,14 @@ def sequence_statistics(dataset: Dataset) -> SequenceStatistics:
 def exposure_statistics(dataset: Dataset) -> Iterator[ExposureStatistics]:
     """Measure the readings of every sensor at every level."""
     for sensor, level in dataset.configuration.exposures:
-        opened = open_exposure(dataset, sensor, level)
+        opened, light = open_exposure(dataset, sensor, level), dict[str, float]()
+        if dataset.configuration.expectation and sensor.unit != "events":
+            bands_nm, shape = dataset.configuration.render.bands_nm, opened["photons"].shape[1:]
+            dark = expectation(np.zeros((1, *shape, len(bands_nm))), bands_nm, sensor)
+            events, variance = (opened[name].mean() for name in ("mean_events", "reading_variance"))
+            reading = opened["mean_reading"].mean() - dark.mean_reading.mean()
+            light["light_fraction"] = 1 - dark.mean_events.mean() / max(events, 1e-300)
+            light["snr"] = reading / math.sqrt(max(variance, 1e-300))
         yield ExposureStatistics(
             name=exposure_name(sensor, level),
             sensor=sensor.name,
@@ -242,6 +258,7 @@ def exposure_statistics(dataset: Dataset) -> Iterator[ExposureStatistics]:
             photons_per_pixel=_rounded(opened["photons"].mean()),
             mean_reading=_rounded(opened["counts"].mean()),
             saturated_fraction=_rounded(opened["saturated"].mean()),
+            **{name: _rounded(value) for name, value in light.items()},
         )
 
 
@@ -310,14 +327,11 @@ class Exposing(Record, frozen=True):
 
     sensors: Annotated[tuple[str | dict[str, Any], ...], Field(min_length=1)] = ("spadcam",)
     """Sensors, as in a configuration: presets' names, or `{preset: spadcam, exposure_s: 0.01}`"""
-
     light_levels: Annotated[tuple[str | float, ...], Field(min_length=1)] = ("twilight",)
     """Levels, by name or in lux"""
-
     repeats: Annotated[int, Field(ge=1, le=1000)] = 1
     """Of a dataset of many: exposures of each, with independent noise; later ones are SENSOR-r2,
     SENSOR-r3, …"""
-
     products: tuple[ProductName, ...] = ("counts",)
     """Output of each, as in a configuration"""
 
@@ -381,10 +395,8 @@ def _expose(root: Path, exposing: Exposing, index: int, is_checked: bool) -> Non
         files_of = {**(sensed.files or {}), **hashes_of(root, added)}
         assert record.statistics is not None
         measured = exposure_statistics(replace(wanted, record=None))
-        exposures = (
-            *record.exposures,
-            *(exposure for exposure in measured if exposure.name in missing),
-        )
+        new = (exposure for exposure in measured if exposure.name in missing)
+        exposures = *record.exposures, *new
         update = {
             "statistics": record.statistics.model_copy(update={"exposures": exposures}),
             "stages": {**record.stages, "sense": sensed.model_copy(update={"files": files_of})},

@@ -6,19 +6,22 @@ sky are excluded, as motion is read elsewhere; a picture of sky alone uses all.
 """
 
 import math
-from collections.abc import Mapping
+from collections import defaultdict
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from megalopta.config.model import Configuration
+from megalopta.core.quantities import number
+from megalopta.dataset.record import ExposureStatistics
 from megalopta.sensor import ImageSensor, detected_photons, expectation
 
 LIMIT = 0.1
 """Largest share of the variance of shot noise and detail without a warning."""
 
-_MOST_NAMED = 3
+_MOST_NAMED, _ALL_LIGHT = 3, 0.99
 
 
 def variances(
@@ -45,6 +48,21 @@ def variances(
     rendering = np.sum(products * np.array(noise["covariance"]))
     detail = np.sum(products * np.array(noise["detail"])) if "detail" in noise else 0.0
     return float(rendering), float(arrivals), max(float(detail), 0.0)
+
+
+def light_note(exposures: Iterable[ExposureStatistics]) -> str:
+    """Return a sentence on the share of light in the darkest exposures; "" if all is light."""
+    shares = defaultdict[str, list[tuple[float, float]]](list)
+    for exposure in exposures:
+        if exposure.light_fraction is not None and exposure.light_fraction < _ALL_LIGHT:
+            shares[exposure.name].append((exposure.light_fraction, exposure.snr or 0.0))
+    if not shares:
+        return ""
+    means = sorted((*np.mean(pairs, axis=0), name) for name, pairs in shares.items())
+    named = [f"{name} {number(100 * share)} %, {number(snr)}" for share, snr, name in means]
+    is_lost = bool(min(snr for _, snr, _ in means) < 1)
+    remedy = ["give more light, or a sensor with fewer dark counts"] * is_lost
+    return f"light among all counts, SNR of a pixel: {'; '.join(named[:_MOST_NAMED] + remedy)}"
 
 
 def noise_warning(

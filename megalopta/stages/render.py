@@ -102,10 +102,6 @@ def build(settings: Configuration) -> Scene:
     return scene
 
 
-_MOST_STOPS = 100.0
-"""Largest exposure that is taken from a file, in steps of 2."""
-
-
 class FrameWriter:
     """Renders frames of a dataset's sequence to their files.
 
@@ -235,7 +231,7 @@ class FrameWriter:
         first = path.with_name(self._dataset.frame("radiance", 0).name)
         with suppress(FileNotFoundError, ValueError):  # a damaged file is reported by others
             stops = read_headers(first)[0].get("EV")
-        if not (isinstance(stops, float) and abs(stops) < _MOST_STOPS):
+        if not (isinstance(stops, float) and abs(stops) < 100.0):  # steps of 2; more are ignored
             stops = None
         write_radiance(path, light, bands_nm, attributes, white=white, stops=stops)
 

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from megalopta.config.light_scale import light_scale
+from megalopta import sensor as sensors
 from megalopta.config.model import Configuration, LightLevel, level_text
 from megalopta.config.scene import own_fields
 from megalopta.config.sensing import SensingSettings
@@ -20,6 +20,7 @@ from megalopta.core.bounded import undamaged
 from megalopta.core.errors import UserError, refused_as, shell_command
 from megalopta.core.freshness import SENSOR_MODEL
 from megalopta.core.progress import progress, say
+from megalopta.core.quantities import percent, with_error
 from megalopta.dataset import sintel
 from megalopta.dataset.frames import read_radiance_frame, read_radiance_frames, read_truth_frame
 from megalopta.dataset.inertial import write_imu
@@ -28,14 +29,6 @@ from megalopta.dataset.store import Dataset, exposure_name
 from megalopta.scenes import ToneCurve
 from megalopta.scenes.levels import illuminance_of
 from megalopta.scenes.spectra.color import encode_srgb
-from megalopta.sensor import (
-    ContrastSensor,
-    ImageSensor,
-    OpenedCounts,
-    Sensor,
-    check_sensor,
-    open_counts,
-)
 from megalopta.sensor.formats import products
 from megalopta.sensor.formats.counts_store import Origin
 from megalopta.sensor.sampling.streams import Draw
@@ -101,13 +94,13 @@ class _Exposer:
     """Exposes frames on one sensor at one light level, and writes the products that are missing."""
 
     def __init__(
-        self, dataset: Dataset, sensor: ImageSensor, level: LightLevel, stores: ExitStack
+        self, dataset: Dataset, sensor: sensors.ImageSensor, level: LightLevel, stores: ExitStack
     ) -> None:
         settings = self._settings = dataset.configuration
         self._sensor, self._counts = sensor, dataset.counts(sensor, level)
         self._what = f"sense: {sensor.name} at {level_text(level)}"
         self._stream = f"{dataset.sequence}/{exposure_name(sensor, level)}"
-        self._scale = light_scale(settings, level).astype(np.float32)
+        self._scale = settings.light_scale(level).astype(np.float32)
         self._states: dict[str, State] = {}
         self._period_s = 1 / settings.trajectory.frame_rate_hz
         unusual: dict[str, Any] = {"level": level}
@@ -149,9 +142,18 @@ class _Exposer:
             for kind, writers in self.products.items():
                 state = self._states.get(kind)  # after the last frame
                 for reading, after in shot.drawn(kind, state, self._settings.expectation):
+                    if kind == "readings" and not first:
+                        self._tell_of_darkness(reading.counts[0])
                     self._states[kind] = after
                     for write in writers:
                         write(reading)
+
+    def _tell_of_darkness(self, counts: NDArray[Any]) -> None:
+        sensor, empty = self._sensor, float(np.mean(counts == 0))
+        if isinstance(sensor, sensors.Sensor) and sensor.largest > 1 and empty > 2 / 3:
+            time = with_error(sensor.exposure_s, 0, "s")
+            say(f"{self._what}: {percent(empty)} of pixels count nothing in {time}; add light, or "
+                "time, as in --sensors \"[{preset: …, exposure_s: 0.01}]\"")  # fmt: skip
 
     def check_events(self, first: int, radiance: NDArray[np.float32]) -> None:
         """Refuse, with UserError, frames (n, H, W, B) with more events than fit into memory."""
@@ -171,9 +173,9 @@ class _Exposer:
         )
 
 
-def starts_at_camera(sensor: ImageSensor) -> bool:
+def starts_at_camera(sensor: sensors.ImageSensor) -> bool:
     """True for a sensor whose pulsed source is at the camera."""
-    return isinstance(sensor, Sensor) and sensor.tcspc.is_on and sensor.tcspc.from_camera
+    return isinstance(sensor, sensors.Sensor) and sensor.tcspc.is_on and sensor.tcspc.from_camera
 
 
 def _next_frames(dataset: Dataset, first: int, radiance: NDArray[np.float32]) -> Following | None:
@@ -203,19 +205,21 @@ def _warn_of_noise(dataset: Dataset) -> None:
     for sensor, level in settings.exposures:
         name = f"{sensor.name} at {level_text(level)}"
         with refused_as(f"sense: {name}"):
-            scale = light_scale(settings, level)
+            scale = settings.light_scale(level)
             rendering, shot, detail = variances(noise, settings, sensor, scale)
         shares[name] = rendering / max(shot + detail, 1e-300)
     if warning := noise_warning(noise, settings, shares):
         say(f"sense: {warning}")
 
 
-def open_exposure(dataset: Dataset, sensor: ImageSensor, level: LightLevel) -> OpenedCounts:
+def open_exposure(
+    dataset: Dataset, sensor: sensors.ImageSensor, level: LightLevel
+) -> sensors.OpenedCounts:
     """Open the readings of a sensor at a light level. Raises UserError if they cannot be read."""
     path = dataset.counts(sensor, level)
     with undamaged(path, f"run: {shell_command('sense', dataset.root, '--redo')}"):
         settings = dataset.configuration
-        return open_counts(path, (settings.trajectory.frames, *settings.camera.shape))
+        return sensors.open_counts(path, (settings.trajectory.frames, *settings.camera.shape))
 
 
 def require_expectation(dataset: Dataset) -> None:
@@ -256,13 +260,13 @@ def _check(settings: Configuration) -> None:
             f"{rate_hz:g}; use {in_burst * rate_hz:.12g}"
         )
     for sensor in settings.sensors:
-        is_contrast = isinstance(sensor, ContrastSensor)
+        is_contrast = isinstance(sensor, sensors.ContrastSensor)
         if not (settings.free_running or is_contrast):
             continue
         setting = f"{'contrast' if is_contrast else 'free_running'}: sensor {sensor.name!r}"
         if is_contrast and not settings.shutter.is_instant:
             raise ValueError(f"{setting} has no shutter; use sub_frames, and a shutter of 0 s")
-        if not isinstance(sensor, Sensor | ContrastSensor):
+        if not isinstance(sensor, sensors.Sensor | sensors.ContrastSensor):
             raise ValueError(
                 f"{setting} integrates and is reset in every frame; remove the setting or the "
                 "sensor"
@@ -278,7 +282,7 @@ def _check(settings: Configuration) -> None:
     shape = settings.camera.height, settings.camera.width
     for sensor in settings.sensors:
         try:
-            check_sensor(sensor, settings.render.bands_nm, shape)
+            sensors.check_sensor(sensor, settings.render.bands_nm, shape)
             if settings.correct and getattr(sensor, "largest", None) == 1:
                 raise ValueError(
                     "correct: one event saturates its counter; use `correct: false`, in a plan "

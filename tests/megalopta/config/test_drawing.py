@@ -4,7 +4,7 @@ from itertools import product
 
 import pytest
 
-from megalopta.config.drawing import configuration_of, split_of, split_warnings
+from megalopta.config.drawing import configuration_of, plan_warnings, split_of
 from megalopta.config.model import load
 from megalopta.config.recipe import Plan
 from megalopta.scenes.levels import LEVELS
@@ -51,7 +51,34 @@ def test_paths_that_differ_in_noise_only_are_named_if_splits_share_them():
         splits = {"train": 0.5, "test": 0.5}
         plan = Plan(sequences=16, scenes=(scene,), splits=splits, sample=0, rig=rig)
         assert {split_of(plan, index) for index in range(16)} == {"train", "test"}
-        warnings = list(split_warnings(plan))
+        warnings = list(plan_warnings(plan))
         assert warnings == [] if drawn else "are equal but for noise" in warnings[0]
-    (warning,) = split_warnings(Plan(sequences=1, splits={"a": 1, "b": 1}))
-    assert "no sequence in a;" in warning or "no sequence in b;" in warning
+    (warning,) = plan_warnings(Plan(sequences=1, splits={"a": 1, "b": 1}))
+    assert warning.startswith("splits: b get none of the sequences (1); make 2 or more")
+
+
+@pytest.mark.parametrize("cameras", [0, 2])
+def test_any_number_of_first_paths_has_its_shares_to_one(cameras):
+    splits, rig = {"train": 0.8, "validation": 0.15, "test": 0.05}, ({},) * cameras
+    plan = Plan(sequences=400, splits=splits, rig=rig)
+    dealt = [split_of(plan, index) for index in range(400)]
+    for paths in (4, 10, 33, 100, 200):
+        for name, share in splits.items():
+            first = dealt[: paths * max(cameras, 1)][:: max(cameras, 1)]
+            assert abs(first.count(name) - paths * share) <= 1
+    few = Plan(sequences=4, splits={"train": 3, "val": 1})
+    assert sorted(split_of(few, index) for index in range(4)) == ["train"] * 3 + ["val"]
+    assert Plan(splits={"a": 1 / 3, "b": 1 / 3, "c": 1 / 3})
+    with pytest.raises(ValueError, match=r"sum of shares is 25\.75"):
+        Plan(splits={"train": 0.75, "val": 25})
+
+
+def test_paths_whose_true_motion_repeats_are_told_though_their_scenes_differ():
+    forest = {"preset": "demo", "scene": {"seed": {"integer": [0, 9000]}}}
+    turning = {**forest, "trajectory": {"rotation_deg_s": {"uniform": [-30, 30]}}}
+    for scene, told in ((forest, True), (turning, False)):
+        warnings = list(plan_warnings(Plan(sequences=4, scenes=(scene,), splits={"all": 1})))
+        assert [text[:32] for text in warnings] == told * ["different motions: 1 in 4 paths,"]
+    still = {"trajectory": {"frames": 1}}
+    (warning,) = plan_warnings(Plan(sequences=1, every=still, splits={"a": 1}))
+    assert warning.startswith("trajectory.frames 1: one frame has no flow")

@@ -8,6 +8,7 @@ import pytest
 
 import megalopta
 from megalopta.core.errors import UserError
+from megalopta.dataset.opened import FlowPairs
 from megalopta.render import read_truth
 
 pytestmark = pytest.mark.slow
@@ -116,8 +117,14 @@ def test_pairs_of_all_sequences(opened):
     assert repr(light).startswith("FlowPairs(3 pairs of (2, 24, 32), W")
     with pytest.raises(IndexError):
         pairs[6]
-    with pytest.raises(UserError, match="step 3: no pairs"):
+    first = opened[0].exposures[0]
+    both = FlowPairs([opened[0]], [first, "radiance"], 1)
+    assert [both[place]["exposure"] for place in range(4)] == [first] * 2 + ["radiance"] * 2
+    assert len(opened.pairs(exposure="all")) == 2 * len(pairs)
+    with pytest.raises(UserError, match="step 3: the longest sequence has 3 frames; give 1 to 2"):
         opened.pairs(step=3)
+    with pytest.raises(UserError, match="no sequence, and so no pairs"):
+        FlowPairs([], None, 1)
     with pytest.raises(UserError, match="no exposure 'eye'; there are spadcam"):
         opened.pairs(exposure="eye")
 

@@ -7,7 +7,7 @@ import numpy as np
 
 from megalopta.flow.metrics.photon_threshold import ErrorCurve
 from megalopta.report.detectors import error_chart
-from megalopta.report.style import BLACK, RULE
+from megalopta.report.style import BLACK, RULE, map_chart
 
 FLUXES = np.geomspace(1e3, 1e9, 7)
 
@@ -39,3 +39,9 @@ def test_undefined_and_zero_errors_leave_gaps():
     svg = chart(np.array([np.nan, 3.0, 1.0, 0.3, 0.1, 0.0, 0.0]))
     assert "nan" not in svg
     assert svg.count("<use") >= 4  # one marker per drawn error, beside those of the ticks
+
+
+def test_a_map_of_a_wide_array_is_as_high_as_its_picture_so_that_its_title_is_above_the_scale():
+    svg = str(map_chart(np.zeros((48, 80)), "map", "mean, captured minus simulated"))
+    # 258 pt by the shape of the array, and 60 pt for title and labels
+    assert f'viewBox="0 0 380 {258 * 48 / 80 + 60:g}"' in svg

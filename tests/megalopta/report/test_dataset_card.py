@@ -23,7 +23,14 @@ def root(small_dataset, tmp_path_factory):
 def test_the_card_tells_sizes_splits_and_statistics(root):
     text = (root / "README.md").read_text("utf-8")
     assert "3 sequences, 9 frames of 32 × 24 px" in text
-    for words in ("| scene: plane |", "| spadcam | 0.1 |", "`train`", "CC0-1.0", "median depth, m"):
+    for words in (
+        "| scene: plane |",
+        "| 0.1 |",
+        "SNR of a pixel",
+        "`train`",
+        "CC0-1.0",
+        "median depth, m",
+    ):
         assert words in text
     assert not re.search(r"[{}]", text)
     for picture in re.findall(r"\]\((\S+)\)", text):

@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 
 from megalopta.benchmark import table
+from megalopta.benchmark.curves import STILL
 from megalopta.benchmark.design import design
 from megalopta.benchmark.design_page import write_design
-from megalopta.benchmark.ranking import STILL, Ranking, RankingFacts
+from megalopta.benchmark.ranking import Ranking, RankingFacts
 from megalopta.benchmark.ranking_page import write_ranking
 from megalopta.camera.calibration import calibrate_recordings
 from megalopta.camera.comparison import CompareSettings, compare_captured
@@ -15,7 +16,7 @@ from megalopta.dataset.store import open_sequence
 from megalopta.flow.detectors.registry import METHODS
 from megalopta.report.dataset_card import write_contact_sheet
 from megalopta.report.page import write_report
-from megalopta.report.style import METHOD_COLORS
+from megalopta.report.style import METHOD_COLORS, method_style
 from megalopta.report.view import view
 
 from ..accessibility import cut_off, needs_axe, needs_chromium, violations
@@ -56,7 +57,7 @@ def device(folder):
 
 
 def ranking_page(folder, _):
-    groups = ("visible", "occluded", "speed low, parallax low", "speed high, parallax medium")
+    groups = ("visible", "occluded", "speed low", "parallax high")
     return write_ranking(folder, ranking(("BM", "PF", "DIS"), (1e3, 1e4, 1e5, 1e6, 1e8), groups))
 
 
@@ -115,10 +116,16 @@ def test_keyboards_and_screen_readers_find_their_way(page, tmp_path, request):
 def test_a_ranking_says_who_is_first_at_which_light(tmp_path):
     text = ranking_page(tmp_path, None).read_text("utf-8")
     summary = text.partition('class="lead">')[2].partition("</p>")[0]
-    assert summary.startswith("Lowest mean error (95 % CI): PF at 1000 to 100\u202f000 photons")
-    assert "By median error the same." in summary
+    assert summary.startswith("Lowest mean error: PF at 1000, 10\u202f000, 100\u202f000; DIS at")
+    assert "photons per frame." in summary
 
 
 def test_every_method_has_a_color_of_its_own():
     assert METHOD_COLORS.keys() == METHODS.keys()
     assert len(set(METHOD_COLORS.values())) == len(METHODS)
+    assert {method_style(f"DIS{form}")["color"] for form in ("", " √", " tuned", " NLM")} == {
+        METHOD_COLORS["DIS"]
+    }
+    own = [method_style(name, ("DIS √", "a:f", "b:g")) for name in ("a:f", "b:g")]
+    assert own[0]["color"] == method_style("x:y", ("PF", "x:y"))["color"] != own[1]["color"]
+    assert not {look["color"] for look in own} & {*METHOD_COLORS.values()}

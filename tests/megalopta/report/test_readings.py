@@ -6,17 +6,9 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from megalopta import sensor as sensors
 from megalopta.core.errors import UserError
 from megalopta.report.readings import ShownReadings, Treatment, read_mask, readings_of
-from megalopta.sensor import (
-    EventOrigin,
-    changed,
-    expose_events,
-    expose_rate,
-    preset,
-    without,
-    write_events_hdf5,
-)
 from megalopta.sensor.quantities import histogram
 
 from ..recordings import write_recording
@@ -85,9 +77,9 @@ def test_a_bad_pixel_takes_the_mean_of_its_good_neighbors(cube, tmp_path):
 def test_of_a_recording_what_dead_time_lost_comes_back(tmp_path):
     """Of even light, whose last row was not read."""
     rate_hz, frames = 12_000.0, (300, 16, 16)
-    dark = without(preset("spadcam"), "dark_counts")
-    sensor = changed(dark, exposure_s=0.01, dead_time={"dead_time_s": 8e-6})
-    counts = expose_rate(np.full(frames, rate_hz), sensor, seed=1, stream="flat").counts
+    dark = sensors.without(sensors.preset("spadcam"), "dark_counts")
+    sensor = sensors.changed(dark, exposure_s=0.01, dead_time={"dead_time_s": 8e-6})
+    counts = sensors.expose_rate(np.full(frames, rate_hz), sensor, seed=1, stream="flat").counts
     counter = sensor.counter
     leaked_v = counter.leak_v_s * sensor.exposure_s
     volts = counter.supply_v - leaked_v - counts * counter.step_v
@@ -105,9 +97,11 @@ def test_of_a_recording_what_dead_time_lost_comes_back(tmp_path):
 
 
 def test_events_are_counted_in_every_frame(tmp_path):
-    events = expose_events(np.full((5, 6, 8), 3e3), preset("ideal"), seed=0, stream="e")
-    origin = EventOrigin(shape=(5, 6, 8), frame_period_s=0.01, exposure_s=0.002)
-    write_events_hdf5(tmp_path / "e.h5", events, origin)
+    events = sensors.expose_events(
+        np.full((5, 6, 8), 3e3), sensors.preset("ideal"), seed=0, stream="e"
+    )
+    origin = sensors.EventOrigin(shape=(5, 6, 8), frame_period_s=0.01, exposure_s=0.002)
+    sensors.write_events_hdf5(tmp_path / "e.h5", events, origin)
     readings = readings_of(tmp_path / "e.h5")
     whole = histogram(events)
     assert whole.sum() > 500
@@ -135,7 +129,7 @@ def test_counts_of_an_unknown_sensor_cannot_be_inverted(tmp_path):
     counts = readings_of(save(tmp_path / "counts.npy", np.ones((3, *SHAPE), np.uint16)))
     with pytest.raises(UserError, match="the response of this sensor is not known"):
         counts.treated(Treatment(is_inverted=True))
-    counter = replace(counts, sensor=preset("spadcam"))
+    counter = replace(counts, sensor=sensors.preset("spadcam"))
     assert counter.treated(Treatment(is_inverted=True)).frame(0)[0] == pytest.approx(1, rel=0.1)
 
 

@@ -49,6 +49,14 @@ def state(folder):
     return {path: path.stat().st_mtime_ns for path in folder.rglob("*")}
 
 
+@pytest.mark.slow
+def test_one_sequence_of_many_is_viewed_by_its_path(small_dataset, tmp_path):
+    written = view(small_dataset / "000001", tmp_path / "out")
+    assert {path.name for path in written} >= {"film.gif", "view.html"}
+    with pytest.raises(UserError, match="no sequence 'x'"):
+        view(small_dataset / "x", tmp_path / "out")
+
+
 def test_light_counts_flow_and_truth_stand_side_by_side(whole, tmp_path):
     before = state(whole)
     written = view(whole, tmp_path / "out")
@@ -59,6 +67,8 @@ def test_light_counts_flow_and_truth_stand_side_by_side(whole, tmp_path):
     )
     with Image.open(tmp_path / "out" / "film.gif") as film:
         assert film.n_frames == 3  # the fourth has no successor
+    text = (tmp_path / "out" / "view.html").read_text("utf-8")
+    assert "Page and film show all 3 frames with a next one." in text
     assert state(whole) == before
 
 
@@ -151,7 +161,7 @@ def test_of_many_sequences_there_is_a_contact_sheet(small_dataset, tmp_path):
     before = state(small_dataset)
     assert view(small_dataset, tmp_path) == [tmp_path / "index.html"]
     assert (tmp_path / "index.html").read_text("utf-8").count("data:image/gif") == 3 * 4
-    with pytest.raises(UserError, match="contact sheet; omit --sum and similar options"):
+    with pytest.raises(UserError, match="many sequences have no film; omit options, or view"):
         view(small_dataset, tmp_path, ViewOptions(summed=2))
     assert state(small_dataset) == before
 
@@ -165,8 +175,27 @@ def test_a_cube_of_packed_bits_is_shown_by_one_command(tmp_path, capsys):
     text = (tmp_path / "out" / "view.html").read_text("utf-8")
     assert "40 binary frames of 24 × 16 pixels, at unknown times." in text
     assert "Page and film show all 10 sums of 4 frames." in text
-    assert "frames 21 to 24" in text and panels(tmp_path / "out" / "view.html") == [
-        ("detections", True)
-    ]
+    assert "frames 21 to 24" in text
+    assert panels(tmp_path / "out" / "view.html") == [("detections", True)]
     with Image.open(tmp_path / "out" / "film.gif") as film:
         assert (film.n_frames, film.info["duration"]) == (10, 200)
+
+
+def test_a_flat_field_is_gray_over_its_own_range_and_its_exposure_may_be_given(tmp_path):
+    counts = np.random.default_rng(0).poisson(100.0, (40, 16, 24)).astype(np.uint16)
+    np.save(tmp_path / "flat.npy", counts)
+    main.main(["view", f"{tmp_path / 'flat.npy'}@2e7:1e-4", "--out", str(tmp_path / "out")])
+    text = (tmp_path / "out" / "view.html").read_text("utf-8")
+    assert "40 frames of 24 × 16 pixels at 10 kHz." in text
+    black, white = map(int, re.search(r"black (\d+), white (\d+) counts", text).groups())
+    # percentiles 1 and 95 of Poisson counts of mean 100; of 3072 readings, 2 counts are 6 σ
+    assert abs(black - 77) <= 3 and abs(white - 117) <= 2
+    view(tmp_path / "flat.npy", tmp_path / "out")
+    assert "at unknown times" in (tmp_path / "out" / "view.html").read_text("utf-8")
+
+
+def test_a_dataset_without_a_finished_sequence_says_what_to_run(small_copy, tmp_path):
+    for record in (small_copy / "sequences").glob("*.json"):
+        record.unlink()
+    with pytest.raises(UserError, match="no finished sequence; run: megalopta "):
+        view(small_copy, tmp_path / "out")

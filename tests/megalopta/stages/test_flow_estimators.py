@@ -1,4 +1,4 @@
-"""Every method on a rendered sequence: its records, its place in the report, the camera's turn."""
+"""Every method on a rendered sequence, and the motion that four of them find."""
 
 import json
 
@@ -24,13 +24,9 @@ DOTS |= {
 
 
 @pytest.fixture(scope="module")
-def finished(tmp_path_factory):
+def records(tmp_path_factory):
     root = tmp_path_factory.mktemp("estimators") / "data"
-    return made(root, load("grating", DOTS), "render", "sense", "flow")
-
-
-@pytest.fixture(scope="module")
-def records(finished):
+    finished = made(root, load("grating", DOTS), "render", "sense", "flow")
     found = json.loads(finished.result("flow.json").read_text("utf-8"))
     return {record["method"]: record for record in found}
 

@@ -35,49 +35,30 @@ INFRARED = {"sensors": "[ctia_si]", "render.bands_nm": "[[700, 800], [800, 900]]
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        (
-            {"trajectory.frames": "1000000", "camera.height": "8000"},
-            r"1000000 frames of 48 × 8000 would take about .* TB on disk",
-        ),
-        (
-            {"camera.width": "32768", "camera.height": "32768"},
-            r"about 1.1[0-9] TB of memory, and this machine has .*; lower",
-        ),
+        ({"trajectory.frames": "1000000", "camera.height": "8000"},
+         r"1000000 frames of 48 × 8000 would take about .* TB on disk"),
+        ({"camera.width": "32768", "camera.height": "32768"},
+         r"about 1.1[0-9] TB of memory, and this machine has .*; lower"),
         ({"trajectory.frames": "6"}, "flow: .*EMD settles: use at least 22"),
         ({"camera.height": "12"}, "flow: .*12 × 48 px cannot be cut"),
-        (
-            {"trajectory.frame_rate_hz": "30"},
-            "sense: sensor 'spadcam': exposure_s 0.1 is longer than a frame",
-        ),
-        (
-            {"render.bands_nm": "[[1000, 1200]]", "sensors": "[spadcam]"},
-            "sense: sensor 'spadcam': .*1000–1200 nm reaches outside the efficiency",
-        ),
-        (
-            {"sub_frames": "2", "shutter.exposure_s": "0.05"},
-            "sub_frames 2: shutter already renders",
-        ),
+        ({"trajectory.frame_rate_hz": "30"},
+         "sense: sensor 'spadcam': exposure_s 0.1 is longer than a frame"),
+        ({"render.bands_nm": "[[1000, 1200]]", "sensors": "[spadcam]"},
+         "sense: sensor 'spadcam': .*1000–1200 nm reaches outside the efficiency"),
+        ({"sub_frames": "2", "shutter.exposure_s": "0.05"}, "sub_frames 2: shutter already renders"),
         (BURST, "burst_npy: needs moving light"),
         ({"burst_hz": "5000"}, "burst_hz 5000: products has no burst_npy; add it, or .* at 100000"),
         (BURST | {"sub_frames": "2", "burst_hz": "105"}, "burst_hz 105: not a whole .* use 100"),
         (BURST | {"sub_frames": "2"} | INFRARED, "no single events"),
         (SUMS | {"cubes.sum_frames": "7"}, "a burst has 100 .* a divisor of it as sum_frames .7"),
-        (
-            {
-                "products": "[counts, histograms_npy]",
-                "sensors": "[{preset: ideal, exposure_s: 0.01, tcspc: {bins: 65536}}]",
-                "camera.width": "4096",
-                "camera.height": "4096",
-            },
-            r"would take about .* TB of memory.*or tcspc\.bins",
-        ),
+        ({"products": "[counts, histograms_npy]", "camera.width": "4096", "camera.height": "4096",
+          "sensors": "[{preset: ideal, exposure_s: 0.01, tcspc: {bins: 65536}}]"},
+         r"would take about .* TB of memory.*or tcspc\.bins"),
         ({"free_running": "true"} | INFRARED, "'ctia_si' integrates"),
-        (
-            {"free_running": "true", "sensors": "[{preset: ideal, exposure_s: 0.01}]"},
-            "exposure_s 0.01 does.* use .* 0.1,",
-        ),
+        ({"free_running": "true", "sensors": "[{preset: ideal, exposure_s: 0.01}]"},
+         "exposure_s 0.01 does.* use .* 0.1,"),
     ],
-)
+)  # fmt: skip
 def test_what_cannot_be_done_is_refused_before_anything_is_begun(
     tmp_path, monkeypatch, changes, message
 ):

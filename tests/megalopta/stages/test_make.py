@@ -151,6 +151,24 @@ def test_a_sequence_that_fails_is_told_and_the_same_command_tries_it_again(
     assert not check_files(Tree(small_copy))
 
 
+@pytest.mark.slow
+def test_the_share_of_light_is_told_and_that_new_sequences_lack_exposures(
+    single_copy, single_plan, capsys
+):
+    run("sense", single_copy, "--sensors", "ideal")
+    make(single_copy, single_plan.model_copy(update={"sequences": 2}))
+    told = capsys.readouterr().err
+    assert "`megalopta sense` added exposures to earlier sequences" in told
+    sequence = megalopta.open_dataset(single_copy)[0]
+    spadcam, ideal = sequence.dataset.record.exposures
+    # pixels differ in dark counts and in what they lose: the means of 192 pixels, 2 frames
+    dark = sequence.expose("spadcam", 1e-12)[:].mean()
+    assert spadcam.light_fraction == pytest.approx(1 - dark / spadcam.mean_reading, rel=0.05)
+    assert "light among all counts, SNR of a pixel: spadcam-twilight 2" in told
+    assert ideal.light_fraction == 1
+    assert ideal.snr == pytest.approx(ideal.mean_reading**0.5, rel=0.01)
+
+
 METHODS = {"methods": "[BM]"}
 
 

@@ -55,11 +55,15 @@ def counts(root):
     return open_counts(next((root / "counts/grating").iterdir())).exposure()
 
 
-def test_the_example_device_is_sensed_with_the_middle_of_its_maps(folder):
+def test_the_example_device_is_sensed_with_the_middle_of_its_maps(folder, capsys):
     level = ["--light-levels", "1e-9"]  # so dark that only dark counts remain
     cli.main(["sense", "data", "--sensors", str(EXAMPLE / "device.yaml"), *level])
+    assert "count nothing" not in capsys.readouterr().err
     dark_hz = np.load(EXAMPLE / "dark_counts_hz.npy")[44:84, 40:88]
     expected = counts(folder / "data").expectation.mean_events
+    short = str({"preset": str(EXAMPLE / "device.yaml"), "name": "short", "exposure_s": 1e-5})
+    cli.main(["sense", "data", "--redo", "--sensors", f"[{short}]", *level])
+    assert "% of pixels count nothing in 10 µs; add light" in capsys.readouterr().err
     # a paralyzable dead time of 1 µs; at its ends an exposure loses less, by 1e-5
     np.testing.assert_allclose(expected[0], 0.1 * dark_hz * np.exp(-1e-6 * dark_hz), rtol=1e-4)
 

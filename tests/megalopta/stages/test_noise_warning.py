@@ -28,9 +28,7 @@ def sensors(tmp_path_factory):
     rng = np.random.default_rng(1)
     np.save(folder / "dark.npy", rng.uniform(0, 500, (20, 24)))
     np.save(folder / "efficiency.npy", rng.uniform(0.2, 1.5, (20, 24)))
-    maps = {
-        "dark_counts": str(folder / "dark.npy"), "efficiency": str(folder / "efficiency.npy")
-    }  # fmt: skip
+    maps = {"dark_counts": str(folder / "dark.npy"), "efficiency": str(folder / "efficiency.npy")}
     lens = {"falloff_fov_deg": 75}
     measured = changed(IMAGE_SENSORS["spadcam"], measured=maps, lens=lens)
     return {**IMAGE_SENSORS, "measured": measured}

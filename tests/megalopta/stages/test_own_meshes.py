@@ -21,7 +21,6 @@ from ...scenes.meshes.files import Gltf
 from ...scenes.meshes.test_figures import arm
 from ..small import small
 
-WAY = np.float32([[0, 0, 0], [0, 2, 0]])
 SMALL = small(16, 12, 2, sensors="ideal", levels="starlight")
 SMALL |= {"trajectory.position_m": "[-4, 0, 1]", "trajectory.look_at_m": "[0, 0, 0]"}
 
@@ -76,9 +75,7 @@ def test_a_file_moves_over_any_scene_and_its_change_is_another_configuration(tmp
 def test_an_animated_file_moves_and_its_record_gives_its_motion_again(tmp_path):
     file = Gltf()
     file.triangle(np.float32([[0, -1, 0], [0, 1, -1], [0, 1, 1]]))
-    samplers = [{"input": file.accessor(np.float32([0, 1])), "output": file.accessor(WAY)}]
-    channels = [{"sampler": 0, "target": {"node": 0, "path": "translation"}}]
-    file.header["animations"] = [{"channels": channels, "samplers": samplers}]
+    file.animate([0, 1], (0, "translation", [[0, 0, 0], [0, 2, 0]]))
     (tmp_path / "a.glb").write_bytes(file.glb())
     scene = f"scene: {{kind: meshes, files: {{file: {tmp_path / 'a.glb'}, animate: true}}}}"
     dataset = run_stage(tmp_path / "data", parse(scene, "test", SMALL), "render")

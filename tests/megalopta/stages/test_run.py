@@ -74,13 +74,18 @@ def test_responses_and_errors_of_every_method_are_there(finished):
     assert set(group) == {f"{m}{end}" for m in settings.methods for end in ("", "-ideal")}
 
 
-def test_another_configuration_is_refused_with_the_difference(copy):
+@pytest.mark.parametrize(
+    ("stage", "redo", "told"),
+    [
+        ("render", False, "holds render and sense and flow and benchmark"),
+        ("flow", True, "would remove the 'render' output,"),
+    ],
+)
+def test_another_configuration_is_refused_with_the_difference(copy, stage, redo, told):
     before = content(copy.root)
     changed = copy.configuration.model_copy(update={"seed": 7})
-    with pytest.raises(
-        UserError, match=r"holds render and sense and flow and benchmark .*seed: 0 → 7"
-    ):
-        run_stage(copy.root, changed, "render")
+    with pytest.raises(UserError, match=f"{told} .*seed: 0 → 7"):
+        run_stage(copy.root, changed, stage, redo=redo)
     assert content(copy.root) == before
 
 
@@ -102,14 +107,6 @@ def test_redo_with_the_same_settings_gives_the_same_bytes(whole_copy):
     for name in ORDER:
         run_stage(whole_copy, settings, name, redo=True)
     assert content(whole_copy) == before
-
-
-def test_redo_of_a_later_stage_never_takes_the_rendering_with_it(copy):
-    before = content(copy.root)
-    changed = copy.configuration.model_copy(update={"seed": 9})
-    with pytest.raises(UserError, match=r"would remove the 'render' output, .*seed: 0 → 9"):
-        run_stage(copy.root, changed, "flow", redo=True)
-    assert content(copy.root) == before
 
 
 def test_a_dataset_is_made_again_from_its_own_description(whole, tmp_path):
