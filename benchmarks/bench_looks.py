@@ -15,12 +15,36 @@ from pathlib import Path
 import numpy as np
 from scipy.ndimage import map_coordinates, zoom
 
-from megalopta.flow.stimuli.statistics import fitted_slope, ring_means
 from megalopta.render import read_picture
 
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
 TO_XYZ = np.array([[0.4125, 0.3576, 0.1804], LUMINANCE, [0.0193, 0.1192, 0.9503]])
 GEOMETRIC_MEAN, THIRDS, WITHIN = 0.12, ("upper", "middle", "lower"), 1.5
+RINGS, FITTED_CYCLES_PER_PX = 24, (0.02, 0.3)
+
+
+def ring_means(power: np.ndarray, columns: int) -> tuple[np.ndarray, np.ndarray]:
+    """Radial frequencies (cycles/px), (N,), and means over their rings.
+
+    `power` is (H, W//2 + 1) in the order of `numpy.fft.rfft2` of an image of `columns` columns.
+    """
+    rows = len(power)
+    radius = np.hypot(np.fft.fftfreq(rows)[:, np.newaxis], np.fft.rfftfreq(columns))
+    edges = np.geomspace(2 / min(rows, columns), 0.5, RINGS + 1)
+    ring = np.digitize(radius.ravel(), edges) - 1
+    inside = (ring >= 0) & (ring < RINGS)
+    count = np.bincount(ring[inside], minlength=RINGS)
+    power_sum = np.bincount(ring[inside], power.ravel()[inside], RINGS)
+    radius_sum = np.bincount(ring[inside], radius.ravel()[inside], RINGS)
+    filled = count > 0
+    return radius_sum[filled] / count[filled], power_sum[filled] / count[filled]
+
+
+def fitted_slope(frequency: np.ndarray, power: np.ndarray) -> float:
+    """Return the exponent of a power over frequencies from 0.02 to 0.3 cycles/px."""
+    lower, upper = FITTED_CYCLES_PER_PX
+    fitted = (frequency >= lower) & (frequency <= upper) & (power > 0)
+    return float(np.polyfit(np.log(frequency[fitted]), np.log(power[fitted]), 1)[0])
 
 
 def cielab(rgb: np.ndarray) -> np.ndarray:

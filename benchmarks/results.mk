@@ -33,7 +33,7 @@ pairs = megalopta benchmark pairs $(SETS:%=$(PAIRS)/%) --methods "PF,PF-fast,Dee
 	--photons 1,10,100,1000 --out $(OUT).csv
 networks = megalopta benchmark pairs $(PAIRS)/middlebury-half --methods "PF,DeepFlow √,zero,$(NETWORKS)" \
 	--photons 10,100,1e6 --out $(OUT).csv
-statistics = python docs/pictures/image_statistics.py $(PANORAMA)
+statistics = python benchmarks/image_statistics.py $(PANORAMA)
 
 NEED_PAIRS := pairs networks
 NEED_PANORAMA := statistics

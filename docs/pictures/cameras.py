@@ -26,10 +26,12 @@ def cell(of: Any) -> str:
 means = summary(compare_cameras())
 for metric, pixels in (("error", AS_SOLD), ("information", AS_SOLD), ("information", "of 10 µm")):
     shown = means[(means["metric"] == metric) & (means["pixels"] == pixels)]
-    print(f"\n{metric}, pixels {pixels} (%), lux: {sorted(shown['lux'].unique())[::-1]}")
+    lux = sorted(shown["lux"].unique())[::-1]
+    print(f"\n{metric}, pixels {pixels} (%), at {', '.join(f'{light:g}' for light in lux)} lux")
     for name, lights in shown.sort_values("lux", ascending=False).groupby("sensor", sort=False):
-        cells = [cell(one) for one in lights.itertuples()]
-        print(f"| {name} | {' | '.join(cells)} |", *lights["bits_s_mm2"])
+        print(f"| {name} | {' | '.join(cell(one) for one in lights.itertuples())} |")
+        if metric == "information" and pixels == AS_SOLD:
+            print("Mbit/s per mm²:", *(f"{rate / 1e6:.3g}" for rate in lights["bits_s_mm2"]))
 for name, metric in (("cameras", "information"), ("tutorials/millilux", "error")):
     with house_style({"axes.grid": False}):
         figure = Figure(figsize=(6, 4.8), layout="constrained")

@@ -1,6 +1,6 @@
 """Print statistics of log radiance in views of the forests, and of photographed panoramas.
 
-    python docs/pictures/image_statistics.py [forest.hdr …]
+    python benchmarks/image_statistics.py [forest.hdr …]
 
 Four views of 75° from 1.6 m, in daylight: mean and standard error. A pixel sees 0.3°, or two pixels
 of the coarsest photograph. It takes an hour on two cores.
@@ -26,11 +26,11 @@ from itertools import combinations
 from pathlib import Path
 
 import numpy as np
+from bench_looks import fitted_slope, ring_means
 from scipy.ndimage import gaussian_filter
 
 from megalopta.config.model import Configuration
 from megalopta.core.arrays import Floats
-from megalopta.flow.stimuli.statistics import fitted_slope, ring_means
 from megalopta.render import SceneRenderer, frame_seed, read_picture
 from megalopta.stages.render import build
 
