@@ -86,20 +86,12 @@ def test_the_python_example_runs_and_prints_a_photon_flux(capsys):
     assert re.fullmatch(r"[\d\u202f]+ \([\d\u202f]+ to [\d\u202f]+\)\n", capsys.readouterr().out)
 
 
-def test_the_pages_print_commands():
-    assert len(COMMANDS) > 30
-
-
 @pytest.mark.parametrize("line", COMMANDS)
-def test_the_command_lines_are_accepted(line):
-    parsed(line)  # refuses what it does not know
-
-
-@pytest.mark.parametrize("line", [each for each in COMMANDS if each.split()[0] in RENDERS])
-def test_the_settings_on_its_command_lines_are_accepted(line):
+def test_the_command_lines_and_their_settings_are_accepted(line):
     overrides = parsed(line).overrides  # refuses what it does not know
     overrides.pop("repeats", None)  # of sense, which adds exposures to a dataset of many
-    load("demo", overrides)
+    if line.split()[0] in RENDERS:
+        load("demo", overrides)
 
 
 def test_the_plan_that_it_prints_is_one(tmp_path):
@@ -108,8 +100,3 @@ def test_the_plan_that_it_prints_is_one(tmp_path):
     plan = load_plan(tmp_path / "plan.yaml")
     made = [configuration_of(plan, index).scene.kind for index in range(plan.sequences)]
     assert sorted(made) == ["forest", "forest", "grating", "grating"]
-
-
-@pytest.mark.parametrize("name", re.findall(r"\]\(((?!http|#)[^)]+)\)", README))
-def test_the_files_it_links_exist(name):
-    assert (ROOT / name).exists()

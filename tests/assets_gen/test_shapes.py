@@ -14,9 +14,7 @@ from megalopta.assets_gen.triangulation import Fineness, triangulated
 from .conftest import welded
 
 
-@pytest.mark.parametrize(
-    ("body", "volume"), [(box, 1.0), (ball, np.pi / 6)], ids=["box", "ball"]
-)  # fmt: skip
+@pytest.mark.parametrize(("body", "volume"), [(box, 1.0), (ball, np.pi / 6)], ids=["box", "ball"])
 def test_bodies_are_closed_face_outward_and_have_their_volume(body, volume):
     mesh = body((2.0, 1.0, 0.5), 0.25).to_mesh()
     # By the divergence theorem; a hole or a face turned inward would show. The ball's facets

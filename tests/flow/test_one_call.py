@@ -48,6 +48,7 @@ def test_a_function_and_a_detector_stand_in_the_place_of_a_name(pair):
         ({"method": "NDM"}, "NDM measures no velocity: choose from BM, .*PPF, zero$"),
         ({"method": "LK", "name": "x"}, "LK has no setting name"),
         ({"method": "lucas"}, "'lucas' is unknown: choose from BM"),
+        ({"method": "DeepFlwo"}, "is unknown: did you mean 'DeepFlow'[?] .*DIS √"),
     ],
 )
 def test_wrong_settings_are_told_with_name_value_and_remedy(settings, told, pair):

@@ -50,30 +50,23 @@ def refused(capsys):
     return refused
 
 
+BANDS = {"bands_nm": [[700, 800], [800, 900]]}
 SMALL = {
     "camera": {"width": 32, "height": 24},
-    "render": {
-        "samples_per_pixel": 1,
-        "max_depth": 2,
-        "bands_nm": [[700, 800], [800, 900]],
-        "integrator": "path",
-    },
+    "render": {"samples_per_pixel": 1, "max_depth": 2, "integrator": "path", **BANDS},
 }
 
 
 @pytest.fixture(scope="session")
 def small_plan():
     """Boards and gratings that take a second each."""
+    hover = {"kind": "hover", "look_at_m": [1, 0, 1.5]}
     return Plan(
         sequences=3,
         seed=3,
         scenes=(
             {"preset": "grating", "trajectory": {"rotation_deg_s": {"uniform": [5, 20]}}},
-            {
-                "preset": "grating",
-                "scene": {"kind": "plane"},
-                "trajectory": {"kind": "hover", "look_at_m": [1, 0, 1.5]},
-            },
+            {"preset": "grating", "scene": {"kind": "plane"}, "trajectory": hover},
         ),
         lights=("daylight", "twilight"),
         every={**SMALL, "trajectory": {"frames": 3}},

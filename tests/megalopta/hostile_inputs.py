@@ -155,19 +155,9 @@ def gltf(**changes):
     file = Gltf()
     uv = file.accessor(np.array([[0, 0], [1, 0], [0, 1]], np.float32))
     mesh = file.triangle(material=0, TEXCOORD_0=uv)
-    image = file.view(png(CODES[:8, :8]))
-    times = file.accessor(np.array([0, 1, 2], np.float32))
-    turns = file.accessor(np.array([[0, 0, 0, 1], [0, 1, 0, 0], [0, 0, 0, 1]], np.float32))
-    sampler = {"input": times, "output": turns}
-    channel = {"sampler": 0, "target": {"node": 1, "path": "rotation"}}
-    file.header |= {
-        "materials": [{"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}],
-        "textures": [{"source": 0}],
-        "images": [{"bufferView": image, "mimeType": "image/png"}],
-        "nodes": [{"children": [1]}, {"mesh": mesh}],
-        "scenes": [{"nodes": [0]}],
-        "animations": [{"samplers": [sampler], "channels": [channel]}],
-    }
+    file.paint(png(CODES[:8, :8]))
+    file.header |= {"nodes": [{"children": [1]}, {"mesh": mesh}], "scenes": [{"nodes": [0]}]}
+    file.animate([0, 1, 2], (1, "rotation", [[0, 0, 0, 1], [0, 1, 0, 0], [0, 0, 0, 1]]))
     file.header |= changes
     return file
 

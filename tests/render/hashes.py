@@ -38,9 +38,7 @@ pixels = png(np.random.default_rng(1).integers(0, 255, (4, 4, 3)))
 for kind in ("diffuse", "conductor"):
     (folder / f"{kind}.xml").write_text(XML.replace("METAL", kind))
 model = Gltf()
-image = {"bufferView": model.view(pixels), "mimeType": "image/png"}
-look = {"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}
-model.header |= {"images": [image], "textures": [{"source": 0}], "materials": [look]}
+model.paint(pixels)
 uv = model.accessor(np.array([[0, 0], [1, 0], [0, 1]], np.float32))
 model.triangle(5 * np.eye(3, dtype=np.float32), material=0, TEXCOORD_0=uv)
 (folder / "model.glb").write_bytes(model.glb())

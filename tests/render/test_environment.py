@@ -7,15 +7,7 @@ import pytest
 from scipy.ndimage import gaussian_filter
 from scipy.spatial.transform import Rotation
 
-from megalopta.render import RenderSettings, SceneRenderer
-from megalopta.render.environment import (
-    horizontal,
-    load_panorama,
-    look_up,
-    solid_angles,
-    under_panorama,
-    without_disc,
-)
+from megalopta.render import RenderSettings, SceneRenderer, environment
 from megalopta.scenes import Light, Panorama, PerspectiveCamera, Trajectory, build_scene
 from megalopta.scenes.moving_objects import MovingObject
 from megalopta.scenes.scene import pattern_directions
@@ -61,8 +53,12 @@ def test_upper_half_gives_the_requested_illuminance_measured_along_rays(picture)
     number = np.arange(2**16)
     radius, turn = np.sqrt((number + 0.5) / 2**16), number * np.pi * (3 - np.sqrt(5))
     upward = radius * np.cos(turn), radius * np.sin(turn), np.sqrt(1 - radius**2)
-    colors = look_up(load_panorama(panorama), np.stack(upward, -1)).mean(axis=0)
-    lux = math.pi * colors @ np.array([luminous(spectrum) for spectrum in panorama.spectra])
+    colors = environment.look_up(environment.load_panorama(panorama), np.stack(upward, -1))
+    lux = (
+        math.pi
+        * colors.mean(axis=0)
+        @ np.array([luminous(spectrum) for spectrum in panorama.spectra])
+    )
     assert lux == pytest.approx(LEVEL.illuminance_lux, rel=5e-3)
 
 
@@ -156,7 +152,7 @@ def with_sun(azimuth_deg, elevation_deg, irradiance):
     toward = np.array([math.cos(h) * math.cos(a), math.cos(h) * math.sin(a), math.sin(h)])
     angle = np.degrees(np.arccos(np.clip(pattern_directions(rows) @ toward, -1, 1)))
     disc = np.exp(-((angle / 0.5) ** 2))
-    disc /= (disc * solid_angles(rows, columns)[:, None]).sum()
+    disc /= (disc * environment.solid_angles(rows, columns)[:, None]).sum()
     return picture + (disc[..., None] * irradiance).astype(np.float32), toward
 
 
@@ -167,12 +163,12 @@ def scene_under(path, **light):
 def test_a_sun_is_taken_out_with_its_direction_and_all_of_its_light():
     irradiance = np.array([60.0, 50.0, 40.0])
     picture, toward = with_sun(130, 35, irradiance)
-    left, direction, found = without_disc(picture, WEIGHTS)
+    left, direction, found = environment.without_disc(picture, WEIGHTS)
     assert np.degrees(np.arccos(np.dot(direction, toward))) < 0.1
     # The sky behind it differs from the ring's mean by a few units over 3°: 0.01 of irradiance.
     np.testing.assert_allclose(found, irradiance, rtol=2e-3)
-    given = horizontal(left) + found * direction[2]
-    np.testing.assert_allclose(given, horizontal(picture), rtol=1e-3)
+    given = environment.horizontal(left) + found * direction[2]
+    np.testing.assert_allclose(given, environment.horizontal(picture), rtol=1e-3)
     assert left.max() < picture.max() / 50
 
 
@@ -201,5 +197,5 @@ def test_the_light_meter_reads_the_level_with_a_sun_in_the_picture(picture, elev
     survey = renderer.light_survey(np.array([[0.0, 0.0, 3.0]]))
     unshaded = survey.unshaded
     assert abs(unshaded.lux - 1e5) < 6 * unshaded.standard_error_lux + 3e-3 * 1e5  # table of V(λ)
-    sun = under_panorama(scene).lighting.sun
+    sun = environment.under_panorama(scene).lighting.sun
     assert np.degrees(np.arccos(np.dot(sun.direction, toward))) < 0.1

@@ -26,9 +26,7 @@ def plate(tmp_path, material=None, lamp=None, turn=None, picture=None, **node):
     """A level square in a file, its y up, with a lamp at a height above its middle."""
     file = Gltf()
     uv = file.accessor(np.float32([[0, 0], [1, 0], [1, 1], [0, 1]]))
-    file.triangle(WHITE, material=0, TEXCOORD_0=uv)
-    corners = file.accessor(np.array([0, 2, 1, 0, 3, 2], np.uint32))
-    file.header["meshes"][0]["primitives"][0]["indices"] = corners
+    file.triangle(WHITE, 0, [0, 2, 1, 0, 3, 2], TEXCOORD_0=uv)
     dull = {"pbrMetallicRoughness": {"metallicFactor": 0}}
     file.header |= {"materials": [{**dull, **(material or {})}], "nodes": [{"mesh": 0}]}
     if picture is not None:

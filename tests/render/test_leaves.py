@@ -73,10 +73,8 @@ def stack(reflectance, transmittance, leaves):
     back, through = reflectance, transmittance
     for _ in range(leaves - 1):
         between = 1 - back * reflectance
-        back, through = (
-            back + through**2 * reflectance / between,
-            through * transmittance / between,
-        )
+        back = back + through**2 * reflectance / between
+        through = through * transmittance / between
     return back, through
 
 

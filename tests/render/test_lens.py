@@ -108,9 +108,8 @@ def test_cells_are_surveyed_through_the_whole_lens():
     )
     square = ((starts[:, :, 0] - EYE) ** 2).sum(axis=1) / (APERTURE / 2) ** 2
     # Uniform on a disc: the mean square of the radius is half. Tolerance: 6 standard errors.
-    assert square.max() <= 1 + 1e-4 and square.mean() == pytest.approx(
-        0.5, abs=6 / (12 * 512) ** 0.5
-    )
+    assert square.max() <= 1 + 1e-4
+    assert square.mean() == pytest.approx(0.5, abs=6 / (12 * 512) ** 0.5)
     # Turned by half a pixel about three axes, all meet in the plane in focus.
     ends = starts + FOCUS * directions / directions[:, :1]
     assert np.ptp(ends, axis=0).max() < 2 * FOCUS / CAMERA.focal_length_px

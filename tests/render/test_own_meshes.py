@@ -1,6 +1,7 @@
 """Textures of colors and own scenes: light against closed forms, truth against a ray caster."""
 
 import math
+from functools import partial
 
 import numpy as np
 import pytest
@@ -105,19 +106,24 @@ def truth_of(scene):
 
 
 def cast(triangles):
-    """What rays of the second frame meet: distances (H, W), points (H, W, 3), triangles, weights."""
+    """What rays of the second frame meet: distances (H, W), triangles, and weights."""
     position, directions = PINHOLE.rays(1)
     distance, which, weights = triangle_hit(position, directions.reshape(-1, 3), triangles)
     distance, which = (each.reshape(CAMERA.height, CAMERA.width) for each in (distance, which))
-    points = position + np.where(which >= 0, distance, 1.0)[..., None] * directions
-    return distance, points, which, weights.reshape(*which.shape, 2)
+    return distance, which, weights.reshape(*which.shape, 2)
 
 
-def assert_depth_and_flow(truth, distance, seen, points_in):
-    """That of points (H, W, 3) in the other frames."""
+def assert_truth_is_of(triangles_at, truth, is_seen, least):
+    """Outline, depth and flow of an object are those of triangles at their times (s)."""
+    distance, which, weights = cast(triangles_at(VIEW.times_s[1]))
+    seen = which >= 0
+    assert seen.sum() > least
+    np.testing.assert_array_equal(is_seen, seen)
     np.testing.assert_allclose(truth.depth[seen], distance[seen], rtol=2e-6)
     for flow, other in ((truth.flow_forward, 2), (truth.flow_backward, 0)):
-        error = flow - PINHOLE.displacement(other, points_in(other))
+        a, b, c = np.moveaxis(triangles_at(VIEW.times_s[other])[which], -2, 0)
+        same_place = a + weights[..., :1] * (b - a) + weights[..., 1:] * (c - a)
+        error = flow - PINHOLE.displacement(other, same_place)
         assert np.abs(error[seen]).max() < 1e-4
 
 
@@ -140,20 +146,9 @@ def written_mill(path):
     """Write the wheel as an animated file, and return the blade's triangles in its own axes."""
     file, blade = Gltf(), trimesh.creation.icosphere(2, 1.0)
     vertices = (blade.vertices * [0.3, 1.0, 0.5]).astype(np.float32)
-    faces = file.accessor(blade.faces.ravel().astype(np.uint32))
-    file.triangle(vertices)
-    file.header["meshes"][0]["primitives"][0]["indices"] = faces
+    file.triangle(vertices, faces=blade.faces)
     turns = Rotation.from_euler("x", ANGLES_DEG[:, None], degrees=True).as_quat()
-    keys = file.accessor(KEYS_S)
-    values = turns.astype(np.float32), SLIDES
-    samplers = [{"input": keys, "output": file.accessor(each)} for each in values]
-    targets = {"node": 1, "path": "rotation"}, {"node": 2, "path": "translation"}
-    file.header["animations"] = [
-        {
-            "channels": [{"sampler": n, "target": target} for n, target in enumerate(targets)],
-            "samplers": samplers,
-        }
-    ]
+    file.animate(KEYS_S, (1, "rotation", turns), (2, "translation", SLIDES))
     file.header["nodes"] = [
         {"name": "mast", "children": [1], "scale": [1, 1, 2], "translation": [0, 1.2, 0]},
         {"name": "wheel", "children": [2]},
@@ -179,42 +174,23 @@ def test_truth_of_a_skinned_and_morphed_figure_is_that_of_an_independent_ray_cas
     (tmp_path / "arm.glb").write_bytes(file.glb())
     given = {"file": str(tmp_path / "arm.glb"), "animate": True, "position_m": (-2, 0.2, 0)}
     scene = build_scene(Meshes(files=given), Light(), CAMERA, VIEW)
-    truth, times = truth_of(scene), VIEW.times_s
+    truth = truth_of(scene)
 
     def triangles_at(time_s):
-        x, y, z = np.moveaxis(
-            figures.bent(time_s, has_shapes=not is_packed)[figures.TUBE.faces], -1, 0
-        )
+        vertices = figures.bent(time_s, has_shapes=not is_packed)
+        x, y, z = np.moveaxis(vertices[figures.TUBE.faces], -1, 0)
         return np.stack([x - 2, 0.2 - z, y], axis=-1)
 
-    distance, _, which, weights = cast(triangles_at(times[1]))
-    seen = which >= 0
-    assert seen.sum() > 60
-    np.testing.assert_array_equal(truth.object_id > 0, seen)
-
-    def same_place(other):
-        a, b, c = np.moveaxis(triangles_at(times[other])[which], -2, 0)
-        return a + weights[..., :1] * (b - a) + weights[..., 1:] * (c - a)
-
-    assert_depth_and_flow(truth, distance, seen, same_place)
+    seen = truth.object_id > 0
+    assert_truth_is_of(triangles_at, truth, seen, 60)
     assert np.linalg.norm(truth.flow_forward[seen], axis=-1).max() > 1
 
 
 def test_truth_of_an_animated_file_is_that_of_an_independent_ray_caster(tmp_path):
     blade = written_mill(tmp_path / "mill.glb")
     given = {"file": str(tmp_path / "mill.glb"), "animate": True, "position_m": tuple(PLACE)}
-    described = Meshes(files=given)
-    scene = build_scene(described, Light(), CAMERA, VIEW)
+    scene = build_scene(Meshes(files=given), Light(), CAMERA, VIEW)
     assert scene.is_moving
-    truth, times = truth_of(scene), VIEW.times_s
-    distance, _, which, weights = cast(mill_at(blade, times[1]))
-    seen = which >= 0
-    assert seen.sum() > 100
-    np.testing.assert_array_equal(np.array(["", *scene.kinds])[truth.kind_id] == "blade", seen)
-
-    def same_place(other):
-        """Of the same triangle, at another time."""
-        a, b, c = np.moveaxis(mill_at(blade, times[other])[which], -2, 0)
-        return a + weights[..., :1] * (b - a) + weights[..., 1:] * (c - a)
-
-    assert_depth_and_flow(truth, distance, seen, same_place)
+    truth = truth_of(scene)
+    is_blade = np.array(["", *scene.kinds])[truth.kind_id] == "blade"
+    assert_truth_is_of(partial(mill_at, blade), truth, is_blade, 100)

@@ -38,13 +38,6 @@ def test_constant_emitter_reads_its_radiance_in_every_band():
     np.testing.assert_allclose(mean_radiance(scene), band_means(BANDS, SLOPED), rtol=1e-3)
 
 
-def test_diffuse_plane_under_uniform_sky_returns_reflectance_times_irradiance_over_pi(ground):
-    leaf = Spectrum((400.0, 550.0, 700.0, 750.0, 1000.0), (0.05, 0.12, 0.06, 0.5, 0.5))
-    scene = scene_of(Lighting(flat(2e-9)), (ground, Material(leaf)))
-    expected = band_means(BANDS, leaf) * 2e-9  # E = πL, so ρE/π = ρL
-    np.testing.assert_allclose(mean_radiance(scene), expected, rtol=5e-3)
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize(("integrator", "width"), [("path", 160), ("baked", 72)])
 @pytest.mark.parametrize(

@@ -104,10 +104,8 @@ def test_frames_of_gloss_lie_within_their_stated_error(tmp_path, name):
     if choose_variant().name.startswith("scalar"):
         pytest.skip("scalar variants are Mitsuba's own")
     file, ball = Gltf(), trimesh.creation.icosphere(3)
-    normals = file.accessor(ball.vertices.astype(np.float32))
-    file.triangle(ball.vertices.astype(np.float32), material=0, NORMAL=normals)
-    corners = file.accessor(ball.faces.astype(np.uint32).ravel())
-    file.header["meshes"][0]["primitives"][0]["indices"] = corners
+    vertices = ball.vertices.astype(np.float32)
+    file.triangle(vertices, 0, ball.faces, NORMAL=file.accessor(vertices))
     file.header["materials"] = [GLOSS[name]]
     (tmp_path / "ball.glb").write_bytes(file.glb())
     path = Trajectory(frames=2, position_m=(-4, 0, 2), look_at_m=(0, 0, -0.3))

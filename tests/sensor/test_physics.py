@@ -17,15 +17,7 @@ from scipy.stats import chi2, norm
 
 from megalopta import sensor as sensors
 
-from .plainest import (
-    PlainPixels,
-    brute_force_events,
-    plain_falloff,
-    plain_light_hz,
-    plain_pixels,
-    plain_readings,
-    plain_volts,
-)
+from . import plainest
 
 LARGEST_Z = 5.0
 BANDS_NM = (460.0, 480.0), (440.0, 460.0)  # the first is dark
@@ -317,7 +309,7 @@ def light_of(case, sensor):
     else:
         light = np.broadcast_to(case.rates[:, np.newaxis], (1, parts, case.samples, levels))
     if case.read is through_the_lens:
-        light = light / plain_light_hz(1.0, BANDS_NM[1], sensor)
+        light = light / plainest.plain_light_hz(1.0, BANDS_NM[1], sensor)
     return np.ascontiguousarray(light[:, 0] if parts == 1 else light)
 
 
@@ -342,21 +334,23 @@ def simulated(case):
     rng, sensor = sensors.generator(1, "brute force", case.term), case.sensor
     light = np.tile(case.rates, (case.samples, 1, 1))  # (samples, S, levels)
     if case.read is volts:
-        return plain_volts(rng, sensor, light[:, 0], CTIA_FRAME)
+        return plainest.plain_volts(rng, sensor, light[:, 0], CTIA_FRAME)
     maps = {name: np.tile(values, (case.samples, 1)) for name, values in case.maps.items()}
-    devices = plain_pixels(rng, sensor, (case.samples, light.shape[2]), maps)
+    devices = plainest.plain_pixels(rng, sensor, (case.samples, light.shape[2]), maps)
     if case.read is through_the_lens:
         light *= devices.efficiency[:, np.newaxis]
         if case.layout:
-            light *= plain_falloff(sensor.lens, *case.layout)
+            light *= plainest.plain_falloff(sensor.lens, *case.layout)
     light += devices.dark_hz[:, np.newaxis]
     frames = {times: TENTHS, running: CONSECUTIVE}.get(case.read, 1)
     sums = sensor.counter.sums if case.read is counts else 1
     exposure_s = sensor.exposure_s / (frames if case.read is times else sums)
-    devices = PlainPixels(*(np.repeat(values, sums, axis=0) for values in devices))
+    devices = plainest.PlainPixels(*(np.repeat(values, sums, axis=0) for values in devices))
     light = np.repeat(light, sums, axis=0)  # each from its own live start
-    events = brute_force_events(rng, light, exposure_s, sensor, devices, case.layout, frames)
-    readings, flags = plain_readings(rng, events.reshape(case.samples * sums, -1), sensor)
+    events = plainest.brute_force_events(
+        rng, light, exposure_s, sensor, devices, case.layout, frames
+    )
+    readings, flags = plainest.plain_readings(rng, events.reshape(case.samples * sums, -1), sensor)
     if sums > 1:
         each = flags.reshape(case.samples, sums, -1)
         flags = each.any(axis=1) if sensor.counter.overflow == "wrap" else each.all(axis=1)

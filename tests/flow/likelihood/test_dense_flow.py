@@ -8,6 +8,7 @@ from megalopta.flow.likelihood import messages
 from megalopta.flow.likelihood.dense_flow import (
     dispersion_of,
     evidence,
+    likelihood_flow,
     most_likely,
     node_covariance,
 )
@@ -208,3 +209,11 @@ def test_messages_along_a_row_are_least_costs():
 def test_frames_narrower_than_the_longest_displacement_have_a_flow():
     counts = drawn(30.0, drifting_texture((0.0, 0.0), 2, (24, 24)))[:, :6, :5]
     assert np.isfinite(with_large_motion(level_of(counts), 2, np.zeros((2, 2, 2)))).all()
+
+
+def test_a_motion_of_a_fifth_of_the_width_is_found():
+    texture = drifting_texture((60.0, 0.0), 2, (64, 320), blur_px=3.0, margin=40)
+    light = (1 + 0.3 * texture / texture.std()).clip(0.05)
+    flow = likelihood_flow(np.random.default_rng(0).poisson(30 * light), 0.2)
+    stays = flow[8:-8, 8:-68]
+    assert np.median(np.hypot(*np.moveaxis(stays - (60, 0), -1, 0))) < 0.2

@@ -47,9 +47,7 @@ def periodically_blurred(light, blur_px):
 SENSOR = changed(preset("ideal"), exposure_s=0.01)
 DARK = {"bulk_mean_hz_um2": 2000 / 3600}  # 20 counts in an exposure of a pixel of 60 µm
 DEAD = {"kind": "nonparalyzable", "dead_time_s": 1e-4}
-ANALOG = {
-    "kind": "analog", "step_v": 0.02, "read_noise_v": 0.03, "adc_bits": 8, "leak_v_s": 0.1
-}  # fmt: skip
+ANALOG = {"kind": "analog", "step_v": 0.02, "read_noise_v": 0.03, "adc_bits": 8, "leak_v_s": 0.1}
 SETTINGS = {
     "photons": (SENSOR, 2e3, 0.0),
     "dark counts": (changed(SENSOR, dark_counts=DARK), 1e3, 0.0),

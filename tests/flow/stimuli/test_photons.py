@@ -5,7 +5,7 @@ import pytest
 
 from megalopta.flow import triangular_pool
 from megalopta.flow.stimuli.moving_template import MovingTemplate, motion_blurred, sum_frames
-from megalopta.flow.stimuli.photons import draw_counts, frame_light, resize
+from megalopta.flow.stimuli.photons import frame_light, resize
 
 
 def template(rows=31, columns=70):
@@ -43,13 +43,6 @@ def test_temporal_pooling_is_the_sum_over_a_sliding_window(dtype, window):
 
 def frames(shape=(6, 40, 50)):
     return np.random.default_rng(0).random(shape)
-
-
-def test_counts_of_a_frame_do_not_depend_on_the_chunk_it_is_drawn_in():
-    means = 5 * frames()
-    whole = draw_counts(means, 3, "scene", 1)
-    parts = [draw_counts(means[i : i + 2], 3, "scene", 1, first_frame=i) for i in (0, 2, 4)]
-    np.testing.assert_array_equal(np.concatenate(parts), whole)
 
 
 @pytest.mark.parametrize("size", [60, (7, 100)])

@@ -15,7 +15,7 @@ from megalopta.core import freshness
 from megalopta.core.bounded import check_file, read_bytes, sentence
 from megalopta.core.errors import DamagedFileError, UserError
 from megalopta.core.files import atomic_write, sweep, write_text
-from megalopta.core.folders import ensure_directory, locked
+from megalopta.core.folders import locked
 from megalopta.core.format_numbers import FORMATS, check_format
 from megalopta.core.pictures import read_codes
 
@@ -94,12 +94,6 @@ def test_the_second_process_is_told_who_is_inside_and_waits(tmp_path):
     out, _ = second.communicate(timeout=20)
     assert out == "inside\n"
     assert list(tmp_path.iterdir()) == []
-
-
-def test_a_file_in_the_way_is_named(tmp_path):
-    (tmp_path / "a").write_text("")
-    with pytest.raises(UserError, match="a file is in the way"):
-        ensure_directory(tmp_path / "a" / "b")
 
 
 @pytest.mark.parametrize("found", ["1", -1, True, 1.0, None, [1]])

@@ -20,6 +20,8 @@ from megalopta.core.quantities import between, number, short, with_error
         (123456.0, 0.0, "counts", "123\u202f000 counts"),
         (123456.0, 19.9, "counts", "123\u202f460 ± 20 counts"),
         (2e-4, math.nan, "s", "200 µs"),
+        (1e-22, 1.2e-21, "%", "(0.1 ± 1.2) · 10⁻²¹ %"),
+        (-3.0e-5, 0.0, "%", "-3 · 10⁻⁵ %"),
     ],
 )
 def test_values_and_errors_share_unit_and_digits(value, error, unit, text):
@@ -50,3 +52,4 @@ def test_numbers_have_three_digits_and_words_for_what_is_large(value, text, shor
 def test_ends_of_a_range_share_a_unit():
     assert between(2.55e-7, 6.826e-6, "s") == "0.255 to 6.83 µs"
     assert between(16.0, 24.0, "%") == "16.0 to 24.0 %"
+    assert between(59_601.0, 59_604.0, "Hz") == "59.6 kHz"

@@ -23,9 +23,8 @@ def seen(path, unit=None):
     """Frames (T, H, W, channels), and all notes as one text."""
     with open_footage(path, unit) as footage:
         frames = np.stack([footage.frame(k) for k in range(len(footage))])
-        assert all(
-            str(path) in note or "over black" in note or "HDR" in note for note in footage.notes
-        )
+        known = str(path), "over black", "HDR"
+        assert all(any(each in note for each in known) for note in footage.notes)
         return frames, " | ".join(footage.notes)
 
 

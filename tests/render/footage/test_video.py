@@ -18,6 +18,11 @@ def pq(code):
     return 10000 * (max(root - c1, 0) / (c2 - c3 * root)) ** (1 / m1) / 203
 
 
+def hlg(code):
+    bright = (np.exp((code - 0.55991073) / 0.17883277) + 0.28466892) / 12
+    return code**2 / 3 if code <= 0.5 else bright
+
+
 TRANSFERS = {
     **dict.fromkeys((1, 2, 6), ("BT.709", lambda v: ((v + 0.099) / 1.099) ** (1 / 0.45))),
     4: ("gamma 2.2", lambda v: v**2.2),
@@ -25,12 +30,7 @@ TRANSFERS = {
     8: ("linear", lambda v: v),
     13: ("sRGB", lambda v: ((v + 0.055) / 1.055) ** 2.4),
     16: ("PQ", pq),
-    18: (
-        "HLG",
-        lambda v: (
-            v**2 / 3 if v <= 0.5 else (np.exp((v - 0.55991073) / 0.17883277) + 0.28466892) / 12
-        ),
-    ),
+    18: ("HLG", hlg),
 }
 
 

@@ -150,14 +150,10 @@ def test_flow_of_a_swaying_tree_is_that_of_its_bending():
         assert np.linalg.norm(flow[seen], axis=-1).min() > 0.5
 
 
-@pytest.mark.parametrize(
-    "motion",
-    [
-        swaying_pole()[1],
-        RigidMotion((1.0, 2.0, 3.0), Drift(velocity_m_s=(1, 2, 3), **SPIN)),
-    ],
-    ids=["sway", "steady"],
-)  # fmt: skip
+STEADY = RigidMotion((1.0, 2.0, 3.0), Drift(velocity_m_s=(1, 2, 3), **SPIN))
+
+
+@pytest.mark.parametrize("motion", [swaying_pole()[1], STEADY], ids=["sway", "steady"])
 def test_a_motion_can_be_undone_and_points_can_have_times_of_their_own(motion):
     points = np.random.default_rng(1).uniform(0, 5, (20, 3))
     np.testing.assert_allclose(motion.undo(motion.carry(points, 0.7), 0.7), points, atol=1e-12)

@@ -44,14 +44,36 @@ class Gltf:
         )
         return len(self.header["accessors"]) - 1
 
-    def triangle(self, vertices=TRIANGLE, material=None, **attributes):
-        """A mesh of one primitive."""
+    def triangle(self, vertices=TRIANGLE, material=None, faces=None, **attributes):
+        """A mesh of one primitive, whose triangles are those of its vertices unless told."""
         part = {"attributes": {"POSITION": self.accessor(vertices), **attributes}}
+        if faces is not None:
+            part["indices"] = self.accessor(np.ravel(faces).astype(np.uint32))
         if material is not None:
             part["material"] = material
         meshes = self.header.setdefault("meshes", [])
         meshes.append({"primitives": [part]})
         return len(meshes) - 1
+
+    def paint(self, picture, model=None, kind="png", **material):
+        """A material whose color is a picture, with other fields of its model and of itself."""
+        color = {"baseColorTexture": {"index": 0}, **(model or {})}
+        self.header |= {
+            "images": [{"bufferView": self.view(picture), "mimeType": f"image/{kind}"}],
+            "textures": [{"source": 0}],
+            "materials": [{"pbrMetallicRoughness": color, **material}],
+        }
+
+    def animate(self, keys, *ways):
+        """Move nodes: a way is a node, what of it moves, and the values at the keys."""
+        times = self.accessor(np.asarray(keys, np.float32))
+        values = [self.accessor(np.asarray(each, np.float32)) for *_, each in ways]
+        channels = [
+            {"sampler": number, "target": {"node": node, "path": path}}
+            for number, (node, path, _) in enumerate(ways)
+        ]
+        samplers = [{"input": times, "output": output} for output in values]
+        self.header["animations"] = [{"samplers": samplers, "channels": channels}]
 
     def with_draco(self, number=0, **how):
         """Compress the triangles of a mesh, whose accessors keep no data of their own."""

@@ -66,14 +66,9 @@ def mill(**changes):
         {"name": "blade", "mesh": 0, "translation": [3, 0, 0], "rotation": [0.6, 0, 0, 0.8]},
         {"name": "still", "mesh": 0},
     ]
-    keys = file.accessor(KEYS)
-    samplers = [{"input": keys, "output": file.accessor(each)} for each in (TURNS, SHIFTS)]
-    channels = [
-        {"sampler": 0, "target": {"node": 1, "path": "rotation"}},
-        {"sampler": 1, "target": {"node": 2, "path": "translation"}},
-        {"sampler": 1, "target": {"node": 2, "path": "pointer"}},
-    ]
-    file.header |= {"animations": [{"channels": channels, "samplers": samplers}], **changes}
+    ways = (1, "rotation", TURNS), (2, "translation", SHIFTS), (2, "pointer", SHIFTS)
+    file.animate(KEYS, *ways)
+    file.header |= changes
     return file
 
 

@@ -67,14 +67,8 @@ def test_a_material_that_is_not_there_is_told_with_those_that_are(files):
 def pictured(path, color=(1, 1, 1, 1)):
     """A triangle with a picture of 8 × 4 pixels in a color."""
     file = Gltf()
-    image = file.view(png(np.full((4, 8, 3), 99)))
     file.triangle(material=0, TEXCOORD_0=file.accessor(TRIANGLE[:, :2]))
-    model = {"baseColorFactor": color, "baseColorTexture": {"index": 0}}
-    file.header |= {
-        "images": [{"bufferView": image, "mimeType": "image/png"}],
-        "textures": [{"source": 0}],
-        "materials": [{"name": "tile", "pbrMetallicRoughness": model}],
-    }
+    file.paint(png(np.full((4, 8, 3), 99)), {"baseColorFactor": color}, name="tile")
     path.write_bytes(file.glb())
     return str(path)
 

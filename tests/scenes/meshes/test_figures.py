@@ -21,15 +21,14 @@ WEIGHTS = np.stack([1 - UPPER, UPPER, 0 * UPPER, 0 * UPPER], axis=1)
 JOINTS = np.tile(np.array([0, 1, 0, 0], np.uint8), (len(UPPER), 1))
 
 
-def arm(is_skin=True, has_shapes=True, moves=True):
+def arm(is_skin=True, has_shapes=True):
     """A tube whose upper part a joint bends, in a mesh of two shapes."""
     file = Gltf()
     skin = {"JOINTS_0": file.accessor(JOINTS), "WEIGHTS_0": file.accessor(WEIGHTS)}
     normals = file.accessor(TUBE.vertex_normals.astype(np.float32) @ SWAP.T.astype(np.float32))
-    file.triangle(BENT, NORMAL=normals, **(skin if is_skin else {}))
-    (part,) = file.header["meshes"][0]["primitives"]
-    part["indices"] = file.accessor(TUBE.faces.ravel().astype(np.uint32))
+    file.triangle(BENT, None, TUBE.faces, NORMAL=normals, **(skin if is_skin else {}))
     if has_shapes:
+        (part,) = file.header["meshes"][0]["primitives"]
         part["targets"] = [{"POSITION": file.accessor(away)} for away in AWAY]
         file.header["meshes"][0]["weights"] = [0.5, 0.5]
     inverse = np.stack([np.linalg.inv(bind) for bind in BIND]).swapaxes(1, 2)
@@ -42,14 +41,8 @@ def arm(is_skin=True, has_shapes=True, moves=True):
         {"name": "elbow", "translation": [0, 0.1, 0]},
     ]
     turns = Rotation.from_euler("x", ANGLES_DEG[:, None], degrees=True).as_quat()
-    values = turns.astype(np.float32), SHARES.ravel()
-    keys = file.accessor(KEYS)
-    samplers = [{"input": keys, "output": file.accessor(value)} for value in values]
-    targets = {"node": 3, "path": "rotation"}, {"node": 0, "path": "weights"}
-    channels = [{"sampler": n, "target": target} for n, target in enumerate(targets)]
-    if moves:
-        kept = channels[: 1 + has_shapes] if is_skin else channels[1:]
-        file.header["animations"] = [{"samplers": samplers, "channels": kept}]
+    bends, shifts = [(3, "rotation", turns)], [(0, "weights", SHARES.ravel())]
+    file.animate(KEYS, *bends * is_skin, *shifts * has_shapes)
     return file
 
 
@@ -119,10 +112,7 @@ def test_vertices_at_one_place_part_with_their_bones():
     file.triangle(twice, JOINTS_0=file.accessor(joints), WEIGHTS_0=file.accessor(weights))
     file.header["skins"] = [{"joints": [1, 2]}]
     file.header["nodes"] = [{"mesh": 0, "skin": 0}, {}, {}]
-    way = file.accessor(np.float32([[0, 0, 0], [0, 0, 5]]))
-    sampler = {"input": file.accessor(np.float32([0, 1])), "output": way}
-    channel = {"sampler": 0, "target": {"node": 2, "path": "translation"}}
-    file.header["animations"] = [{"samplers": [sampler], "channels": [channel]}]
+    file.animate([0, 1], (2, "translation", [[0, 0, 0], [0, 0, 5]]))
     (piece,) = read(file, "animation")
     places = piece.motion.carry(piece.vertices, 1.0)
     np.testing.assert_allclose(places[:3], twice[:3])

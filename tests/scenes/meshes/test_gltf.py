@@ -94,24 +94,13 @@ def test_strips_and_fans_are_triangles_and_points_are_not(mode, faces):
 def test_colors_are_linear_and_the_picture_is_turned_and_shifted_as_told():
     file = Gltf()
     codes = np.random.default_rng(3).integers(0, 256, (4, 6, 3))
-    image = file.view(png(codes))
     uv = np.float32([[0.1, 0.2], [0.9, 0.2], [0.1, 0.8]])
     file.triangle(material=0, TEXCOORD_1=file.accessor(uv))
     change = {"offset": [0.5, 0.25], "rotation": 0.3, "scale": [2, 3], "texCoord": 1}
     texture = {"index": 0, "extensions": {"KHR_texture_transform": change}}
     model = {"baseColorFactor": [0.5, 0.25, 1, 1], "baseColorTexture": texture}
-    file.header |= {
-        "images": [{"bufferView": image, "mimeType": "image/png"}],
-        "textures": [{"source": 0}],
-        "materials": [
-            {
-                "name": "bark",
-                "pbrMetallicRoughness": {**model, "metallicFactor": 1.0},
-                "emissiveFactor": [0, 0, 1],
-                "alphaMode": "MASK",
-            }
-        ],
-    }
+    unread = {"emissiveFactor": [0, 0, 1], "alphaMode": "MASK"}
+    file.paint(png(codes), {**model, "metallicFactor": 1.0}, name="bark", **unread)
     (piece,) = read(file.glb())
     assert piece.paint.name == "bark"
     told = [what for what, _ in unused({"a.glb": file.glb()})]
@@ -225,13 +214,9 @@ def basisu(content):
     """A triangle whose color is a picture in KTX 2."""
     file = Gltf()
     file.triangle(material=0, TEXCOORD_0=file.accessor(np.float32([[0, 0], [1, 0], [0, 1]])))
-    model = {"baseColorTexture": {"index": 0}, "metallicFactor": 0}
-    file.header |= {
-        "images": [{"bufferView": file.view(content), "mimeType": "image/ktx2"}],
-        "textures": [{"extensions": {"KHR_texture_basisu": {"source": 0}}}],
-        "materials": [{"pbrMetallicRoughness": model}],
-        "extensionsRequired": ["KHR_texture_basisu"],
-    }
+    file.paint(content, {"metallicFactor": 0}, "ktx2")
+    file.header["textures"] = [{"extensions": {"KHR_texture_basisu": {"source": 0}}}]
+    file.header["extensionsRequired"] = ["KHR_texture_basisu"]
     return file.glb()
 
 

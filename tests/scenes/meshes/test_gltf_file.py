@@ -17,12 +17,9 @@ UV = np.random.default_rng(2).random((len(BALL.vertices), 2)).astype(np.float32)
 def ball():
     """A ball with coordinates that are different at every vertex."""
     file = Gltf()
-    at = file.triangle(
-        BALL.vertices.astype(np.float32), material=0, TEXCOORD_0=file.accessor(UV),
-        NORMAL=file.accessor(BALL.vertices.astype(np.float32)),
-    )  # fmt: skip
-    corners = file.accessor(BALL.faces.astype(np.uint32).ravel())
-    file.header["meshes"][at]["primitives"][0]["indices"] = corners
+    vertices = BALL.vertices.astype(np.float32)
+    given = {"TEXCOORD_0": file.accessor(UV), "NORMAL": file.accessor(vertices)}
+    file.triangle(vertices, 0, BALL.faces, **given)
     file.header["materials"] = [{"name": "paint"}]
     return file
 
@@ -70,10 +67,9 @@ def test_triangles_of_meshoptimizers_own_tests():
     packed = bytes.fromhex("e0f010fefff00cff020202007687566778a9866589689801690000")
     triangles = [0, 1, 2, 2, 1, 3, 4, 6, 5, 7, 8, 9]
     file = Gltf()
-    at = file.triangle(np.random.default_rng(0).random((10, 3)).astype(np.float32))
-    corners = file.accessor(np.array(triangles, np.uint32))
-    file.header["meshes"][at]["primitives"][0]["indices"] = corners
-    file.with_meshopt(corners, "TRIANGLES")
+    vertices = np.random.default_rng(0).random((10, 3)).astype(np.float32)
+    file.triangle(vertices, faces=triangles)
+    file.with_meshopt(len(file.header["accessors"]) - 1, "TRIANGLES")
     view = file.header["bufferViews"][-1]["extensions"]["EXT_meshopt_compression"]
     view |= file.header["bufferViews"][file.view(packed)]
     assert read(file).faces.ravel().tolist() == triangles

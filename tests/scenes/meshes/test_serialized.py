@@ -57,6 +57,9 @@ def test_shapes_are_those_of_mitsubas_own_reader(tmp_path):
     assert "colors of vertices (c)" in PlacedMesh.model_validate({"file": str(path)}).read()[1][0]
 
 
+TOO_MANY = struct.pack("<2H", 0x041C, 4) + zlib.compress(struct.pack("<Ix2Q", 0, 3, 10**9))
+
+
 @pytest.mark.parametrize(
     ("content", "told"),
     [
@@ -65,12 +68,7 @@ def test_shapes_are_those_of_mitsubas_own_reader(tmp_path):
         (file_of(packed(BALL.vertices, BALL.faces)[:-60]), "missing or damaged"),
         (b"\x1c\x04\x04\0" + bytes(8) + b"\xff\xff\xff\xff", "4,294,967,295 shapes"),
         (file_of(struct.pack("<2H", 7, 4)), "no serialized file of version 4"),
-        (
-            file_of(
-                struct.pack("<2H", 0x041C, 4) + zlib.compress(struct.pack("<Ix2Q", 0, 3, 10**9))
-            ),
-            "GB of memory",
-        ),
+        (file_of(TOO_MANY), "GB of memory"),
     ],
 )
 def test_damaged_files_are_refused_before_they_take_memory(tmp_path, content, told):

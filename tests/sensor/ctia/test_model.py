@@ -37,13 +37,6 @@ def test_every_photon_of_an_ideal_pixel_becomes_an_electron():
     assert reading.counts[0, 0, 0] == pytest.approx(photons, rel=1e-7)
 
 
-def test_frame_is_the_same_alone_and_among_others():
-    light = model.photocurrent(night(5), BANDS, QUIET)
-    volts = model.expose_photocurrent(light, QUIET, seed=0, stream="s").volts
-    alone = model.expose_photocurrent(light[3:4], QUIET, seed=0, stream="s", first_frame=3)
-    np.testing.assert_array_equal(alone.volts[0], volts[3])
-
-
 def test_fixed_patterns_have_the_spread_stated():
     free = QUIET.model_copy(update={"bias": FixedBias()})
     array, count = model.pixels(free, (400, 400)), 160_000

@@ -55,13 +55,6 @@ def test_store_is_zarr_v3_in_chunks_of_whole_frames(tmp_path, monkeypatch):
     np.testing.assert_array_equal(group["counts"][...], EXPOSURE.counts)
 
 
-def test_interrupted_write_leaves_nothing(tmp_path):
-    with pytest.raises(KeyboardInterrupt), counts_writer(tmp_path / "s.zarr", ORIGIN, 10) as add:
-        add(EXPOSURE)
-        raise KeyboardInterrupt
-    assert list(tmp_path.iterdir()) == []
-
-
 def test_frames_are_read_by_slices_without_the_rest(tmp_path, monkeypatch):
     monkeypatch.setattr(counts_store, "CHUNK_BYTES", 1)
     write(tmp_path / "s.zarr")

@@ -90,6 +90,11 @@ def test_text_of_a_picture_states_the_exposure(tmp_path):
     assert (read.exposure_s, read.conditions["light"]) == (pytest.approx(2e-5), 2e7)
 
 
+def test_three_equal_colors_are_gray(tmp_path):
+    saved(tmp_path, np.repeat(255 * BITS[..., np.newaxis], 3, axis=-1))
+    assert read_frames(tmp_path).counts.shape == BITS.shape
+
+
 def test_single_tiff_pictures_are_frames(tmp_path):
     saved(tmp_path, COUNTS, tifffile.imwrite, "tif")
     read = read_frames(tmp_path, frames=slice(8, 12))
@@ -103,7 +108,7 @@ def test_a_folder_with_one_stack_is_that_stack(tmp_path):
 
 
 def color(folder):
-    imageio.imwrite(folder / "frame3.png", np.zeros((20, 37, 3), np.uint8))
+    imageio.imwrite(folder / "frame3.png", np.full((20, 37, 3), (9, 9, 8), np.uint8))
 
 
 def link(folder):

@@ -81,16 +81,13 @@ def test_bytes_without_end_take_no_memory():
 def damaged(line, rng):
     """A packet's bytes with one fault: flipped bits, a part lost, added or zeroed, twice, no end."""
     at, span = int(rng.integers(len(line))), int(rng.integers(1, 40))
+    tail = line[at:]
     bits = rng.choice(8 * len(line), rng.integers(1, 9), replace=False)
     flipped = np.frombuffer(line, np.uint8).copy()
     np.bitwise_xor.at(flipped, bits // 8, (1 << bits % 8).astype(np.uint8))
     faults = (
-        *(
-            flipped.tobytes(),
-            line[:at] + line[at + span :],
-            line[:at] + rng.bytes(span) + line[at:],
-        ),
-        *(line + line, line[:-1], line[:at] + bytes(span) + line[at:]),
+        *(flipped.tobytes(), line[:at] + line[at + span :], line[:at] + rng.bytes(span) + tail),
+        *(line + line, line[:-1], line[:at] + bytes(span) + tail),
     )
     return faults[rng.integers(6)]
 

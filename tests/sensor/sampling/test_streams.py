@@ -16,11 +16,6 @@ from megalopta.sensor.sampling.streams import (
 )
 
 
-def test_same_key_gives_same_stream_and_seed_zero_is_a_seed():
-    first, second = generator(0, "exposure", "forest", 3), generator(0, "exposure", "forest", 3)
-    np.testing.assert_array_equal(first.random(8), second.random(8))
-
-
 def test_keys_that_look_alike_give_different_streams():
     alike = [(1, "1"), (1, 1), (11,), (1, "11"), (1, "1", ""), (1, "", "1"), (1, "i1:1")]
     keys = [*alike, (-1, "1"), (2**70, "1")]

@@ -1,7 +1,11 @@
+import runpy
+from pathlib import Path
+
 import numpy as np
 import pytest
 
-from megalopta.flow.stimuli.statistics import fitted_slope, ring_means
+LOOKS = runpy.run_path(str(Path(__file__).parents[3] / "benchmarks/bench_looks.py"))
+fitted_slope, ring_means = LOOKS["fitted_slope"], LOOKS["ring_means"]
 
 SHAPE = (251, 753)
 
