@@ -43,7 +43,7 @@ print(f"DIS is off by {np.median(errors_px[known]):.2f} px in half of the pixels
 
 # Photons that a detector needs to answer to 2 bits: from the light, drawn at one flux after another
 light = photon_rate(radiance, settings.bands_nm, preset("ideal"))
-asked = BenchmarkSettings(sizes=(SIZE_PX,), metrics=("literal",))
-result = photon_benchmark(light, ["BM", "DIS", "PF"], asked, seed=SEED, sequence="example")
+search = BenchmarkSettings(sizes=(SIZE_PX,), metrics=("literal",))
+result = photon_benchmark(light, ["BM", "DIS", "PF"], search, seed=SEED, sequence="example")
 for curve in result.curves:
     print(f"{curve.method}: N_2b = {curve.thresholds[2]} photons per frame")

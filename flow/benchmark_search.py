@@ -34,8 +34,6 @@ _STRIDES_PER_DECADE = 2
 _STRAIGHT = 0.05
 """Deviation in decades from F^−½ between two fluxes above which one between them is measured; it
 moves a threshold by 1 to 3 %"""
-_EXACT_PER_DECADE = 100
-"""Closed forms are cheap, so their lattice is fine enough to add no interpolation error."""
 _SMALLEST_ERROR = 1e-3
 """Smallest error, in levels; block matching reaches 0"""
 
@@ -184,7 +182,7 @@ class _Search:
         self._is_exact = method.expected_deviation(self._clean[0][:1], 1.0) is not None
         """Whether errors come from a closed form, and no counts are drawn"""
         if self._is_exact:
-            settings = settings.model_copy(update={"fluxes_per_decade": _EXACT_PER_DECADE})
+            settings = settings.model_copy(update={"fluxes_per_decade": 100})  # closed forms: cheap
         self._settings, self._fluxes = settings, settings.fluxes
         self._step = _shortest_stride(settings.fluxes_per_decade)
         self._last = len(self._fluxes) - 1

@@ -39,10 +39,7 @@ from megalopta.scenes.cameras.base import Camera
 
 _TRIED = 400
 """Headings of the half sphere, and most velocities on which each is tried"""
-_REFINED = 3
-"""Best of these headings, which are refined"""
 _FEWEST = 8
-_ROUNDS = 2
 _NOISELESS = _STABLE = 1e-9
 _CAUCHY = 2.385
 """Scale of the loss in standard deviations: 95 % efficient on normal noise"""
@@ -51,29 +48,21 @@ _SMOOTHNESS, _DEPTH_SMOOTHNESS = 0.2, 0.02
 """Smoothness of Poisson flow, and that of the inverse depth instead. Set on other forests: parallax
 that a smooth inverse depth cannot show passes for rotation, by a tenth of it in low light."""
 _FIRST_STEPS, _STEPS = 3, 6
-_CONTINUED = 2
-"""Starts that continue after the first steps"""
 _FITS, _LEAST_RESIDUAL_PX = 8, 0.05
-_LONGEST_STEP_PX = 1.0
 _MODEL = 4.0
 """Variance of an estimate at rest over the inverse of its information, which takes the prior of the
 inverse depth for knowledge"""
 _EXCLUDED, _ALIKE = 20.0, (-20.0, 4.0)
 """Differences of log-likelihood, over the dispersion: above the first a motion is excluded, within
 the second two motions are alike; with `_MODEL` set on other windows than the documentation's"""
-_ENOUGH_PHOTONS = 200.0
-"""Photons per pixel in all frames below which nothing is excluded: a moving object does not show"""
 _DEPTH_STEPS, _AROUND_PX = 4, 2.0
 _PART, _ACROSS, _DOWN = 0.4, (0.0, 0.15, 0.3, 0.45, 0.6), (0.0, 0.3, 0.6)
 """Share of the view in an omitted part, and where strips begin, in widths and heights of it"""
-_RIDGE = 1e-2
 _DAMPING = 1e-6
 _SMALL = 1e-5
 _PATTERN = np.array([0, 0, 0, 0, 0, 1, 1, 1])
 """Time dependence of ω, the direction of t, and α"""
 _SMALLEST_PX = 12
-_NOWHERE = -1e6
-"""Place (px) of points that a camera does not see"""
 
 
 @dataclass(frozen=True)
@@ -137,7 +126,7 @@ def _promising_headings(d: Floats, e: Floats) -> Floats:
     powers = np.swapaxes(rows, 1, 2) @ rows + _STABLE * np.eye(3)
     rotations = -np.linalg.solve(powers, np.swapaxes(rows, 1, 2) @ residuals[..., np.newaxis])
     costs = np.median(np.abs(residuals + (rows @ rotations)[..., 0]), axis=1)
-    return headings[np.argsort(costs)[:_REFINED]]
+    return headings[np.argsort(costs)[:3]]  # these are refined
 
 
 def _normals(t: Floats, d: Floats) -> Floats:
@@ -164,7 +153,7 @@ def _fitted(t: Floats, d: Floats, e: Floats) -> tuple[Floats, Floats, float]:
     normals = _normals(t, d)
     # least squares of (e + ω × e) · n = 0
     rotation = np.linalg.lstsq(np.cross(e, normals), -np.sum(e * normals, axis=1), rcond=None)[0]
-    for _ in range(_ROUNDS):  # each with the noise that the previous one left
+    for _ in range(2):  # each with the noise that the previous one left
         noise = robust_sigma(across(t, rotation)) or _NOISELESS
         # two directions across t, along which it may move
         sideways = np.linalg.svd(t[np.newaxis])[2][1:]
@@ -207,7 +196,7 @@ def camera_motion_with_error(
     near = _at_pixels(best.motion.inverse_depth, shape)
     low, high = np.quantile(near, (_PART, 1 - _PART))
     layers = near > high, near > threshold_otsu(near), near < low
-    is_dim = counts.sum(axis=0).mean() < _ENOUGH_PHOTONS
+    is_dim = counts.sum(axis=0).mean() < 200.0  # photons per pixel: what moves does not show
     changes = [np.zeros(4)]  # of the rotation about each axis, and of the heading
     for part in (*_strips(shape), *layers):
         apart = replace(search, used=~part)
@@ -344,9 +333,8 @@ class _Search:
         cost = itemgetter(0)
         starts = (self._start(heading, used) for heading in headings)
         begun = sorted((self._stepped(start, _FIRST_STEPS) for start in starts), key=cost)
-        return min(
-            (self._stepped(estimate.motion, _STEPS) for estimate in begun[:_CONTINUED]), key=cost
-        )
+        # the two best starts continue
+        return min((self._stepped(estimate.motion, _STEPS) for estimate in begun[:2]), key=cost)
 
     def excess(self, motion: _Motion, best: _Motion) -> float:
         """Return −log-likelihood of a motion, at any depth, less the best's, where both see."""
@@ -362,7 +350,7 @@ class _Search:
         """Return the rotation and inverse depth with the least L1 residual of Poisson flow."""
         depth_flow = self.translation_flow @ heading
         power = (depth_flow**2).sum(axis=-1)
-        power += _RIDGE * power.mean()
+        power += 1e-2 * power.mean()  # a ridge of 1 %
         inverse_depth, weight = np.zeros(power.shape), used.astype(np.float64)
         for _ in range(_FITS):
             root = np.sqrt(weight)[..., np.newaxis]
@@ -420,7 +408,7 @@ class _Search:
         schur += np.diag(_DAMPING * np.diag(M) + np.finfo(float).tiny)
         motion_step = np.linalg.solve(schur, motion_slope - C.T @ solved[:, 0]) * (not held)
         depth_step = solved[:, 0] - solved[:, 1:] @ motion_step
-        longest = _LONGEST_STEP_PX / scale_px
+        longest = 1.0 / scale_px  # px: longest step
         nearer = inverse_depth + np.clip(depth_step.reshape(inverse_depth.shape), -longest, longest)
         translation = heading + sideways @ motion_step[3:5]
         length = np.linalg.norm(translation)
@@ -451,7 +439,7 @@ class _Search:
             turned = Rotation.from_rotvec(-rotation).apply(points.reshape(-1, 3))
             image = self.camera.project(turned.reshape(points.shape)) - 0.5
             image[~self.used] = np.nan
-            yield np.nan_to_num(np.moveaxis(image[..., ::-1], -1, 0), nan=_NOWHERE)
+            yield np.nan_to_num(np.moveaxis(image[..., ::-1], -1, 0), nan=-1e6)  # px, out of view
 
     def _depth_prior(self, inverse_depth: Floats, scale_px: float) -> tuple[float, coo_array]:
         """Return the penalty on the gradient of the inverse depth, and its form (nodes, nodes)."""

@@ -40,8 +40,6 @@ KITTI_SCALE = 64.0
 _CODE_OF_ZERO, _LARGEST_CODE = 2**15, 2**16 - 1
 _PX_BYTES = 150
 """Memory of a pixel of a flow that is compared with another, at most (bytes)."""
-_COPIES = 3
-"""Copies of a file's bytes while its flow is read"""
 
 
 def read_flow(path: str | Path, *, png_scale: float = KITTI_SCALE) -> Flow:
@@ -54,7 +52,7 @@ def read_flow(path: str | Path, *, png_scale: float = KITTI_SCALE) -> Flow:
     read = _READERS.get(path.suffix.lower())
     if read is None:
         raise ValueError(f"{path}: flow is read from {', '.join(_READERS)}")
-    bounded.check_decoded(path, (path.stat().st_size,), _COPIES)
+    bounded.check_decoded(path, (path.stat().st_size,), 3)  # copies of its bytes
     flow = read_kitti_png(path, png_scale) if read is read_kitti_png else read(path)
     if flow.ndim != 3 or flow.shape[-1] != 2 or 0 in flow.shape:
         raise ValueError(f"{path} holds an array of shape {flow.shape}: a flow is (H, W, 2)")

@@ -28,7 +28,6 @@ from megalopta.scenes.tone_mapping import ToneCurve
 if TYPE_CHECKING:
     from megalopta.render.truth.tracer import Truth
 
-_MOST_CHANNELS = 1000
 VALUE_BYTES = 12
 """Memory of a value of a channel, with its copies."""
 RADIANCE_UNIT = "W.m^-2.sr^-1.nm^-1"
@@ -238,7 +237,7 @@ def read_headers(path: Path) -> list[dict[str, Any]]:
         with OpenEXR.File(str(path), separate_channels=True, header_only=True) as file:
             headers = [dict(part.header) for part in file.parts]
         channels = sum(len(header["channels"]) for header in headers)
-        check_count(path, "channels", channels, _MOST_CHANNELS)
+        check_count(path, "channels", channels, 1000)
         for header in headers:  # all parts are decoded
             check_decoded(path, (*size_in(header), channels), VALUE_BYTES)
         return headers

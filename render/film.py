@@ -299,9 +299,6 @@ def film_and_sampler(
 # Samples traced at once: their results are held until they are summed.
 SAMPLES_AT_ONCE = 2**22
 
-_COALESCED = 4
-"""Samples of a pixel summed by Mitsuba before they are written to the image."""
-
 Look = Callable[[Any, Any, Any], list[Any]]
 """Quantities along rays, a list of floats each, given rays, the place from 0 to 1 of each sample
 among those of its pixel, and the sampler, which has more random numbers for them."""
@@ -330,7 +327,8 @@ def developed(sensor: Any, seed: int, samples: int, radiance: Radiance) -> NDArr
     dr.eval(rays, weight)
     light, valid = radiance(sampler, rays)
     block = film.create_block()
-    block.set_coalesce(block.coalesce() and samples >= _COALESCED)
+    # from 4 samples of a pixel on, these are summed before they are written
+    block.set_coalesce(block.coalesce() and samples >= 4)
     block.put(
         corner,
         film.prepare_sample(

@@ -25,8 +25,6 @@ _RINGS, _SECTORS = 8, 16
 _BINS = _RINGS * _SECTORS
 _OCTAVES = 4
 """Halvings of the box of the points met, along its longest side, to voxels."""
-_INSIDE = 0.99
-"""Share of the points along each axis that the voxels hold; those outside use the nearest."""
 _PRIOR = 16.0
 """Number of rays that a larger voxel counts for."""
 _EVEN = 0.2
@@ -52,7 +50,7 @@ class OpenSky:
     """Random directions from points to where the sky is seen and bright."""
 
     def __init__(self, looks: Looks) -> None:
-        tails = (1 - _INSIDE) / 2
+        tails = (1 - 0.99) / 2  # beyond, the nearest voxels serve
         low, high = np.quantile(looks.points, [tails, 1 - tails], axis=1)
         side = max(float((high - low).max()) / 2**_OCTAVES, 1e-6)
         size = np.maximum(np.ceil((high - low) / side), 1).astype(int)

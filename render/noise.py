@@ -163,12 +163,6 @@ def pairs(part: Mask) -> list[Mask]:
     return [part[1:] & part[:-1], part[:, 1:] & part[:, :-1]]
 
 
-_BLOCK_PX = 4
-_TAIL = 0.95
-_TYPICAL = 0.9
-"""Share of the blocks that set the level."""
-
-
 class RunningMean:
     """Mean of a frame's passes so far and their scatter (Welford's method, float64)."""
 
@@ -240,7 +234,7 @@ class RunningMean:
         if (lit := np.isfinite(variances)).any():
             moving = _shrunk(variances[lit], np.stack(halves)[:, lit])
             relative = np.sqrt(moving + _of_blocks(squares, light, part)[lit])
-            median, tail = float(np.median(relative)), float(np.quantile(relative, _TAIL))
+            median, tail = float(np.median(relative)), float(np.quantile(relative, 0.95))
         # Shares of the squared differences between neighbors that are due to either error.
         flickering = still = seen = flickers = stands = 0.0
         slope = standing.slope(part)
@@ -289,7 +283,7 @@ def _shrunk(variances: Floats, halves: Floats) -> Floats:
     full = np.isfinite(halves).all(axis=0)
     total = unbiased = 0.0
     for first, second in (halves[:, full], halves[::-1, full]):
-        chosen = first <= np.quantile(first, _TYPICAL)
+        chosen = first <= np.quantile(first, 0.9)  # share of the blocks that set the level
         total += float(shrunk[full][chosen].sum())
         unbiased += float(second[chosen].sum())
     return shrunk * (unbiased / total) if total else variances
@@ -298,7 +292,7 @@ def _shrunk(variances: Floats, halves: Floats) -> Floats:
 def _of_blocks(squares: Floats, light: Floats, part: Mask) -> Floats:
     """Mean square of a part's pixels in each block over its squared mean light; NaN if unlit."""
     masked = (np.where(part, quantity, 0.0) for quantity in (squares, light, np.ones_like(light)))
-    rows, columns = (np.arange(0, size, _BLOCK_PX) for size in light.shape)
+    rows, columns = (np.arange(0, size, 4) for size in light.shape)  # blocks of 4 × 4 px
     total, lights, pixels = (
         np.add.reduceat(np.add.reduceat(values, rows, axis=0), columns, axis=1) for values in masked
     )

@@ -173,9 +173,8 @@ def _traced(
         smooth &= toward.pdf != 0
         smooth &= ~layers.ray_test(point.spawn_ray_to(toward.p), smooth)
         value, pdf, drawn, drawn_weight = surface.eval_pdf_sample(
-            context, point, point.to_local(toward.d), sampler.next_1d(), sampler.next_2d(),
-            goes_on,
-        )  # fmt: skip
+            context, point, point.to_local(toward.d), sampler.next_1d(), sampler.next_2d(), goes_on
+        )
         share = dr.select(toward.delta, 1.0, _share(toward.pdf, pdf))
         light = dr.select(smooth, dr.fma(throughput, value * weight * share, light), light)
         ray = point.spawn_ray(point.to_world(drawn.wo))

@@ -32,8 +32,6 @@ from megalopta.scenes.trajectories.orbit import Fit, bounds_of
 
 # Poses of an exposure whose lines all start at the same time, and of one with a rolling shutter.
 _POSES, _ROLLING_POSES = 256, 64
-_LOOKS = 256
-"""Most poses that are searched for a view of any surface."""
 
 
 class SceneRenderer:
@@ -125,7 +123,7 @@ class SceneRenderer:
         scene = self._scene
         if not scene.placements or scene.haze:
             return  # a panorama or haze is seen
-        sampled = np.unique(np.linspace(0, len(poses) - 1, _LOOKS).astype(int))
+        sampled = np.unique(np.linspace(0, len(poses) - 1, 256).astype(int))  # most poses searched
         views = map(Instant, times_s[sampled].tolist(), self._local(poses[sampled]))
         if all(self._tracer.see(view).is_sky.all() for view in views):
             bounds = bounds_of(scene)

@@ -25,8 +25,6 @@ Integrator: TypeAlias = PathIntegrator | SplitPaths | BakedLightIntegrator
 
 _MORE_HITS = 32
 """Leaves at 0.8 to 1.3 µm are the brightest surfaces: for these, 16 hits miss a thousandth."""
-_LONGER_PATHS = 2**15
-"""Number of longer paths for the truncation bias; at least one per pixel."""
 # Height above the surface below the camera: clear of it, but below the blades of grass.
 _CLEARANCE_M = 0.02
 # Number per point. A uniform sky needs fewer.
@@ -185,7 +183,7 @@ class SurfaceView:
     def light_left_out(self, pose: Floats, time_s: float) -> Floats:
         """Share of the light of surfaces, by band, that takes too many hits for paths, (B,)."""
         self.move_to(time_s)
-        per_pixel = math.ceil(_LONGER_PATHS / (self._camera.width * self._camera.height))
+        per_pixel = math.ceil(2**15 / (self._camera.width * self._camera.height))  # longer paths
         samples = min(per_pixel, self._settings.samples_per_pixel)
         self._check(pose)
         # The other's sampler serves light: the path tracer is compiled for each.
@@ -256,8 +254,6 @@ SHARED_PX = 0.1
 """Twice what objects may be off in a line, as those that share a pose are placed at its middle."""
 _STEP_S, _FEWEST_STEPS, _MOST_STEPS = 0.01, 2, 64
 _RESERVE = 1.25
-_MARGIN = 0.1
-"""Margin around the image, in image widths, for objects that enter meanwhile."""
 
 
 def lines_of_a_pose(
@@ -309,7 +305,7 @@ def _seen(faces: NDArray[np.uint32], camera: Camera, ways: Floats) -> Mask:
         x, y, depth = *camera.project(ways).T, np.ones(len(ways))
     else:
         x, y, depth = np.einsum("ij,nj->in", camera.intrinsics, ways)
-    margin = _MARGIN * camera.width
+    margin = 0.1 * camera.width  # objects enter meanwhile
     beyond = [depth <= 0, y < -margin * depth, y > (camera.height + margin) * depth]
     if not camera.wraps:
         beyond += [x < -margin * depth, x > (camera.width + margin) * depth]

@@ -6,13 +6,12 @@ from inspect import isabstract
 from typing import TYPE_CHECKING, NamedTuple, get_args
 
 from megalopta.core.plug_ins import plug_ins
-from megalopta.scenes.base import SceneDescription
+from megalopta.scenes.base import SceneDescription, any_of, kind_of
 from megalopta.scenes.cameras.base import Camera
 from megalopta.scenes.cameras.opencv import OpenCVCamera
 from megalopta.scenes.cameras.panoramic import CylindricalCamera, EquirectangularCamera
 from megalopta.scenes.cameras.perspective import PerspectiveCamera
 from megalopta.scenes.forest.description import Forest
-from megalopta.scenes.kinds import any_of, kind_of
 from megalopta.scenes.light import Light
 from megalopta.scenes.meshes.description import Meshes
 from megalopta.scenes.moving_objects import AnyObject, with_objects

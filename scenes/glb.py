@@ -27,7 +27,7 @@ def glb_of(scene: Scene, time_s: float = 0.0) -> bytes:
     from trimesh.visual import TextureVisuals
 
     surfaces = {name: _surface(material) for name, material in scene.materials.items()}
-    exported, taken = trimesh.Scene(base_frame="world"), set()
+    exported, names = trimesh.Scene(base_frame="world"), set()
     for number, placement in enumerate(scene.placements, 1):
         for part, at_rest in scene.assets[placement.asset].parts.items():
             pose, mesh = placement.to_world, at_rest.copy()
@@ -41,8 +41,8 @@ def glb_of(scene: Scene, time_s: float = 0.0) -> bytes:
                 mesh.visual = TextureVisuals(uv=uv, material=surfaces[part])
                 exported.geometry[geometry] = mesh
             node = f"{placement.kind} {number}"
-            name = f"{node} {part}" if node in taken else node
-            taken.add(name)
+            name = f"{node} {part}" if node in names else node
+            names.add(name)
             exported.graph.update(name, matrix=_Y_UP @ pose, geometry=geometry)
     return bytes(exported.export(file_type="glb"))
 

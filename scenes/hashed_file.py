@@ -8,14 +8,7 @@ from typing import Annotated, Any, BinaryIO
 
 from pydantic import AfterValidator, Field, ValidationInfo, model_validator
 
-from megalopta.core.bounded import (
-    ARRAY_BYTES,
-    check_file,
-    folder_of,
-    named_path,
-    read_bytes,
-    unreadable,
-)
+from megalopta.core import bounded
 from megalopta.core.record import Record
 
 
@@ -24,7 +17,6 @@ class Hashed(Record, frozen=True):
 
     path: str
     """Path, in a file relative to its folder, in which it must lie."""
-
     sha256: Annotated[str, Field(pattern="^[0-9a-f]{64}$")]
     """SHA-256 hash of its content, filled in; other content raises an error."""
 
@@ -42,7 +34,7 @@ class Hashed(Record, frozen=True):
             return values
         if not isinstance(values.get("path"), str | Path):
             return values
-        path = str(named_path(values["path"], folder_of(validation)))
+        path = str(bounded.named_path(values["path"], bounded.folder_of(validation)))
         return {**values, "path": path, "sha256": cls.hash_of(path)}
 
     def check(self) -> None:
@@ -66,7 +58,7 @@ class HashedFile(Hashed, frozen=True):
 
         Raises ValueError if it cannot be read.
         """
-        with unreadable(path):
+        with bounded.unreadable(path):
             if not Path(path).is_dir():
                 return sha256_of(Path(path))
             inside = [file for file in sorted(Path(path).iterdir()) if file.is_file()]
@@ -78,8 +70,8 @@ class HashedFile(Hashed, frozen=True):
 
         Raises ValueError if it cannot be read or has changed.
         """
-        with unreadable(self.path):
-            content = read_bytes(self.path, ARRAY_BYTES)
+        with bounded.unreadable(self.path):
+            content = bounded.read_bytes(self.path, bounded.ARRAY_BYTES)
         self.compare(hashlib.sha256(content).hexdigest())
         return content
 
@@ -96,7 +88,7 @@ PictureFile = Annotated[HashedFile, AfterValidator(_named_as_a_picture)]
 
 def sha256_of(path: Path) -> str:
     """SHA-256 hash of a regular file, hexadecimal; errors as `check_file`."""
-    check_file(path, sys.maxsize)
+    bounded.check_file(path, sys.maxsize)
     with path.open("rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
 

@@ -30,36 +30,28 @@ class Light(Record, frozen=True):
 
     level: LevelName = "twilight"
     """Named light level: a sum of lights, with the spectrum of each."""
-
     illuminance_lux: (
         Annotated[float, Field(ge=levels.DIMMEST_LUX, le=levels.BRIGHTEST_LUX)] | None
     ) = None
     """Illuminance of an unshaded horizontal plane (lux), to which all lights of the level are
     scaled; null: that of the level, reduced by clouds."""
-
     disc_fraction: Annotated[float, Field(ge=0, le=1)] | None = None
     """Share of the light of sun or moon that comes from the disc instead of the sky that it lights;
     null: 0.8. Only for levels with a disc."""
-
     disc_azimuth_deg: float = 120.0
     """Direction of the disc, counterclockwise from +x (degrees)."""
-
     disc_elevation_deg: Annotated[float, Field(gt=0, le=90)] = 50.0
     """Elevation of the disc above the horizon (degrees)."""
-
     cloud_cover: Annotated[float, Field(ge=0, le=1)] | None = None
     """Share of the sky covered by clouds (0 to 1). They block the disc in proportion, and transmit
     less light, especially infrared; they have no shape; null: clear sky."""
-
     sky: Literal["even", "natural"] = "even"
     """Distribution of the sky's light: even, the same from all directions, or natural, as of clear,
     overcast, twilight and starry skies. For scenes that are lit from outside."""
-
     panorama: PictureFile | None = None
     """Path, in YAML below the file's folder, of an HDR, EXR (linear sRGB) or PNG (sRGB)
     equirectangular picture, 2:1. It lights the scene in place of sky and disc, at the level's
     illuminance, with the level's spectrum as white. For scenes that are lit from outside."""
-
     panorama_turn_deg: float = 0.0
     """Counterclockwise turn of the panorama seen from above (degrees); at 0 its center is toward
     +x."""

@@ -29,28 +29,20 @@ class MovingObject(Record, frozen=True):
 
     name: str = "box"
     """Name of the object; ground truth lists it as the object's kind."""
-
     shape: Literal["box", "ball"] = "box"
     """Shape of the object."""
-
     size_m: tuple[Length, Length, Length] = (0.5, 0.5, 0.5)
     """Extent along its own axes (x, y, z in m)."""
-
     position_m: Vector = (5.0, 0.0, 1.5)
     """Center at the first frame (x, y, z in m; z is up)."""
-
     turn_deg: Vector = (0.0, 0.0, 0.0)
     """Orientation at the first frame: turns about the world's x, then y, then z (degrees)."""
-
     pattern: Literal["checker", "noise", "plain"] = "noise"
     """Painted pattern."""
-
     tile_m: Length = 0.25
     """Size of the repeating square of the pattern (m)."""
-
     reflectances: tuple[Share, Share] = (0.1, 0.7)
     """Reflectance of the pattern's dark and bright parts, the same at every wavelength (1)."""
-
     motion: Drift = Drift()
     """Motion, from position and orientation at the first frame."""
 
@@ -60,13 +52,11 @@ class MovingModel(PlacedMesh, frozen=True):
 
     name: str | None = None
     """Name of the object; ground truth lists it as the object's kind; null: that of the file."""
-
     materials: dict[str, Reflectance] = Field(
         default={},
         description="Reflectances in place of colors, by the name of a material, as in a scene of "
         "meshes.",
     )
-
     motion: Drift = Drift()
     """Motion, from position and orientation at the first frame."""
 

@@ -15,16 +15,13 @@ class Shutter(Record, frozen=True):
     exposure_s: Annotated[float, Field(ge=0)] = 0.0
     """Exposure time of each line (s); 0: no blur. The light that a sensor counts follows from its
     own exposure_s: give both the same value."""
-
     poses: Annotated[int, Field(ge=1, le=10_000)] = 8
     """Instants per exposure at which moving objects are placed; they share the samples per pixel.
     Steps in the blur vanish with one instant per px that the fastest object moves. The camera
     moves smoothly, by 64 or more poses per exposure."""
-
     readout_s: Annotated[float, Field(ge=0)] = 0.0
     """Rolling shutter: time from the middle of the first line's exposure to the last line's (s);
     0 exposes all lines at once."""
-
     readout_from: Literal["top", "bottom", "left", "right"] = Field(
         default="top", exclude_if=lambda side: side == "top"
     )

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from megalopta.core.arrays import Floats
+from megalopta.sensor import optics
 from megalopta.sensor.change import changed
 from megalopta.sensor.contrast import model as contrast
 from megalopta.sensor.ctia import model as ctia
@@ -16,7 +17,6 @@ from megalopta.sensor.effects.crosstalk import first_arrivals
 from megalopta.sensor.frame import moments as frame
 from megalopta.sensor.frame.model import FrameSensor
 from megalopta.sensor.image_sensors import ImageSensor, detected_hz
-from megalopta.sensor.optics import checked_rate, photon_rate, with_lag
 from megalopta.sensor.quantities import Expectation
 from megalopta.sensor.sampling.streams import over_frames
 from megalopta.sensor.spad.array import lights_of_sum
@@ -25,9 +25,6 @@ from megalopta.sensor.spad.device import draw_fixed_pattern
 from megalopta.sensor.spad.model import Sensor
 from megalopta.sensor.spad.moments import count_moments, mean_rate, open_rate
 from megalopta.sensor.spad.readings import moments_of_readings
-
-_PIXELS_AT_ONCE = 2**16
-"""Pixels whose moments are computed together, in some 60 MB."""
 
 
 def event_moments(detections_hz: ArrayLike, sensor: Sensor) -> tuple[Floats, Floats]:
@@ -65,7 +62,7 @@ def expectation(
     """
     if detections_hz is None:
         detections_hz = detected_hz(radiance, bands_nm, sensor)
-    photons = photon_rate(radiance, bands_nm, sensor) * sensor.exposure_s
+    photons = optics.photon_rate(radiance, bands_nm, sensor) * sensor.exposure_s
     return Expectation(photons, *moments(detections_hz, sensor, first_frame, frame_period_s, state))
 
 
@@ -103,7 +100,7 @@ def _all_moments(
     detections_hz: ArrayLike, sensor: Sensor, behind: Floats | None = None, counted: Any = 0.0
 ) -> Floats:
     """Mean and variance of events, mean and variance of readings, (4, T, H, W)."""
-    rate_hz, _ = with_lag(checked_rate(detections_hz, sensor), sensor, behind)
+    rate_hz, _ = optics.with_lag(optics.checked_rate(detections_hz, sensor), sensor, behind)
     frames, *_, rows, columns = rate_hz.shape
     device, sums = draw_fixed_pattern(sensor, (rows, columns)), sensor.counter.sums
     exposure_s, effects, maps = sensor.counted_s, sensor.avalanche_effects, device.avalanches
@@ -115,7 +112,7 @@ def _all_moments(
     moments = np.empty((4, frames, rows, columns))
     # with crosstalk a pixel's moments depend on all others; what differs is interpolated for all
     is_whole = "crosstalk" in effects.on or (maps is not None and not effects.is_closed_form)
-    rows_at_once = rows if is_whole else max(_PIXELS_AT_ONCE // max(columns, 1), 1)
+    rows_at_once = rows if is_whole else max(2**16 // max(columns, 1), 1)  # pixels in 60 MB
     starts = range(0, rows, max(rows_at_once, 1))
     residue = getattr(sensor.counter, "residue_share", 0.0)
     kept = np.array([residue, residue**2]).reshape(2, 1, 1)

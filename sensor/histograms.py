@@ -16,8 +16,6 @@ from megalopta.sensor.spad.device import draw_fixed_pattern
 from megalopta.sensor.spad.model import AvalancheEffects, Sensor
 from megalopta.sensor.spad.simulation import simulate_frame
 
-_MOST_PERIODS = 4e9
-"""Most periods of an exposure, whose counts still fit uint32"""
 _MOST_NUMBERS = 1e8
 """Most bins of all pixels of a frame, drawn in some 20 s"""
 _MOST_WRAPPED = 100
@@ -35,12 +33,12 @@ def check_histograms(sensor: Sensor) -> None:
     wrapped_s, shorter = _MOST_WRAPPED * period_s, f"or give {_MOST_WRAPPED} longer periods"
     for field, time_s, most_s, remedy in (
         ("tcspc.period_s", period_s, sensor.exposure_s, "or expose for many periods"),
-        ("exposure_s", sensor.exposure_s, _MOST_PERIODS * period_s, "more periods overflow counts"),
+        ("exposure_s", sensor.exposure_s, 4e9 * period_s, "more periods overflow counts"),
         ("tcspc.pulse_sigma_s", tcspc.pulse_sigma_s, wrapped_s, shorter),
         ("tcspc.decay_s", tcspc.decay_s, wrapped_s, shorter),
         ("jitter.sigma_s", sensor.jitter.sigma_s, wrapped_s, shorter),
         ("jitter.tail_s", sensor.jitter.tail_s, wrapped_s, shorter),
-    ):  # fmt: skip
+    ):
         if time_s > most_s:
             raise ValueError(f"{field}: {time_s:g}; give at most {most_s:g} s: {remedy}")
     for field, share in (

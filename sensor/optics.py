@@ -94,8 +94,6 @@ class Lens(Effect, frozen=True):
 
 _COLORS = {"R": "red", "G": "green", "B": "blue", "W": "white"}
 _BAYER = ("RGGB", "BGGR", "GRBG", "GBRG")
-_LARGEST = 65535
-"""Largest value that OpenCV interpolates."""
 
 
 class ColorFilters(Effect, frozen=True):
@@ -470,7 +468,7 @@ def demosaiced(readings: ArrayLike, filters: ColorFilters) -> NDArray[np.float32
 
     filters.check_bayer()
     frames = np.asarray(readings)
-    scale = max(float(frames.max(initial=0)), 1e-300) / _LARGEST
+    scale = max(float(frames.max(initial=0)), 1e-300) / 65535  # OpenCV's largest
     code = getattr(cv2, f"COLOR_Bayer{''.join(filters.mosaic)}2RGB")
     colors = [cv2.cvtColor(np.rint(frame / scale).astype(np.uint16), code) for frame in frames]
     return np.float32(scale) * np.array(colors, np.float32).reshape(*frames.shape, 3)

@@ -8,13 +8,9 @@ from scipy.ndimage import gaussian_filter, map_coordinates
 
 from megalopta.core.arrays import Floats, Mask
 from megalopta.flow.likelihood import roots
-from megalopta.flow.likelihood.roots import NODE_PX, Level
-
-_DARK = 1e-9
-"""Least power of roots that tells a gain"""
 
 
-def aligned_frames(level: Level, places: Iterable[Floats]) -> tuple[Floats, Mask, Floats]:
+def aligned_frames(level: roots.Level, places: Iterable[Floats]) -> tuple[Floats, Mask, Floats]:
     """Return the roots of frames (n, H, W) at places, which places are in all frames, and gains.
 
     Brightness that differs from frame to frame by a factor is equalized, by these gains: (n, 1, 1),
@@ -30,10 +26,11 @@ def aligned_frames(level: Level, places: Iterable[Floats]) -> tuple[Floats, Mask
     if math.isinf(level.gain_px):
         power, *shared = sums.sum(axis=(1, 2), keepdims=True)
     else:
-        near = 0, *(level.gain_px / NODE_PX,) * 2
+        near = 0, *(level.gain_px / roots.NODE_PX,) * 2
         around = gaussian_filter(sums, near, mode="nearest", truncate=3.0)
-        power, *shared = finer(around, shape, NODE_PX)
-    gains = np.divide(power, shared, out=np.ones_like(shared), where=np.array(shared) > _DARK)
+        power, *shared = finer(around, shape, roots.NODE_PX)
+    # roots of less power than 1e-9 tell no gain
+    gains = np.divide(power, shared, out=np.ones_like(shared), where=np.array(shared) > 1e-9)
     aligned *= gains
     return aligned, inside, gains
 
@@ -43,11 +40,11 @@ def times_from_reference(frames: int) -> Floats:
     return np.arange(frames, dtype=np.float64) - (frames // 2 - 1)
 
 
-def place_of_pixels(level: Level, flow: Floats) -> Iterator[Floats]:
+def place_of_pixels(level: roots.Level, flow: Floats) -> Iterator[Floats]:
     """Yield the places (2, H, W) in each frame of the content of pixels, given a flow at nodes."""
     shape = level.roots.shape[1:]
     pixels = np.mgrid[: shape[0], : shape[1]].astype(np.float64)
-    motion = finer(flow, shape, NODE_PX)[::-1]
+    motion = finer(flow, shape, roots.NODE_PX)[::-1]
     return (pixels + time * motion for time in times_from_reference(len(level.roots)))
 
 
@@ -65,7 +62,7 @@ def finer(coarse: Floats, shape: tuple[int, ...], factor: int) -> Floats:
 
 def to_nodes(pixels: Floats) -> Floats:
     """Return sums of (c, H, W) over the squares around nodes."""
-    rows, columns = (np.arange(0, side, NODE_PX) for side in pixels.shape[1:])
+    rows, columns = (np.arange(0, side, roots.NODE_PX) for side in pixels.shape[1:])
     return np.asarray(np.add.reduceat(np.add.reduceat(pixels, rows, 1), columns, 2))
 
 

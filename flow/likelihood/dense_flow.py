@@ -43,8 +43,6 @@ _FEW_PHOTONS, SMOOTHNESS_POWER = 20.0, 0.3
 """Photons per pixel in all frames; fitted to dead leaves and forests, with the smoothness of
 `PoissonFlow`: with fewer, full smoothness loses small moving objects. At the finest scale the prior
 grows on with more, as interpolation and edges leave more error than photons do"""
-_MANY_PHOTONS = 20_000.0
-"""Photons per pixel above which it stays: what frames differ by is no longer shot noise"""
 _NARROWER, _DIM_PHOTONS = 12.0, 60.0
 """Factor of the prior in the covariance in bright light, as most motions are smoother than the
 prior allows; photons per pixel in all frames below which it falls. Fitted to tuning scenes"""
@@ -290,7 +288,7 @@ def smoothness_of(photons: float, smoothness: float, most: float = 1.0) -> float
 
     It grows with the photons, to `most` times the smoothness.
     """
-    photons = min(photons, _MANY_PHOTONS)
+    photons = min(photons, 20_000.0)  # above, frames differ by more than shot noise
     return float(smoothness * min(most, (photons / _FEW_PHOTONS) ** SMOOTHNESS_POWER))
 
 

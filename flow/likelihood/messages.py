@@ -19,10 +19,6 @@ Singles = NDArray[np.float32]
 STEP, JUMP = 0.7, 3.0
 """Costs of a change by one pixel along one axis, and of any change; fitted to dead leaves and disks
 with motion up to 20 px, of other seeds than those reported, as all constants here"""
-_CHANGE_PER_PX = 0.5
-"""Cost of a change within the flow so far"""
-_LEAST_SEEN = 0.5
-"""Share of the pixels of a node that must be in all frames"""
 
 
 @compiled(fastmath={"reassoc", "contract"})
@@ -57,7 +53,8 @@ def fill_costs(
             for x in range(columns):
                 seen = tall * _overlap(width, right, x)
                 cost = squares[NODE_PX * x : NODE_PX * (x + 1)].sum() / 2 * area / max(seen, 1)
-                cost = cost if seen >= _LEAST_SEEN * area else max(cost, now[y, x])
+                # at least half of a node must be in all frames
+                cost = cost if seen >= 0.5 * area else max(cost, now[y, x])
                 column = min(max(x + (right + NODE_PX // 2) // NODE_PX, 0), columns - 1)
                 of_squares = 2 * noise * misfit(cost / noise)
                 costs[y, x, label] = of_squares + far + claims[row, column]
@@ -101,7 +98,7 @@ def add_messages(costs: Singles, nodes: Floats, total: Singles) -> None:
                     before, after = nodes[:, y, x], nodes[:, b, a]
                     stays = costs[y, x, last] + message[last]
                     change = abs(after[0] - before[0]) + abs(after[1] - before[1])
-                    cost = stays + np.float32(_CHANGE_PER_PX * change)
+                    cost = stays + np.float32(0.5 * change)  # per px of change in the flow so far
                     nearest_before, nearest_after = _nearest(before, side), _nearest(after, side)
                     if nearest_after >= 0:
                         cost = min(cost, known[nearest_after] + half_step)

@@ -35,12 +35,6 @@ BORDER_PX = 3
 _SMALLEST_LEVEL_PX = 12
 _BLURS_PX = 0.7, 2.5
 """Least and most blur"""
-_BLUR_AT_EQUALITY_PX = 0.6
-"""Best standard deviation for two frames with as much texture as shot noise, q = 1"""
-_FAINTEST = 1e-6
-"""Smaller q are raised to this: without visible texture, the widest blur is right"""
-_LEAST_GAIN_PX = 6.0
-"""Least neighborhood of `Level.gain_px`"""
 _STANDS_OUT = 3 * 2**0.5
 """Distance of roots of counts that shot noise alone exceeds once in 10⁹ pairs of pixels"""
 
@@ -67,8 +61,8 @@ def suited_blur_px(excess: Floats, frames: int) -> Floats:
 
     `excess`: q of the unsmoothed counts; `frames`: number of frames to align.
     """
-    ratios = np.maximum(excess, _FAINTEST) * frames / 2
-    return np.asarray(_BLUR_AT_EQUALITY_PX * ratios ** (-1 / 3))
+    ratios = np.maximum(excess, 1e-6) * frames / 2  # smaller q get the widest blur too
+    return np.asarray(0.6 * ratios ** (-1 / 3))  # 0.6 px at q = 1
 
 
 def root_noise(smooth: Callable[[Floats], NDArray[Any]]) -> float:
@@ -147,7 +141,7 @@ def level_of(
     roots = np.sqrt(np.stack([smooth(frame) for frame in frames]).clip(0))
     splines = (spline_filter(root, 3, mode="nearest") for root in roots)
     bordered = np.stack([np.pad(spline, BORDER_PX, "edge") for spline in splines])
-    gain_px = max(gain_share * max(frames.shape[1:]), _LEAST_GAIN_PX)
+    gain_px = max(gain_share * max(frames.shape[1:]), 6.0)  # px: smallest neighborhood
     return Level(roots, bordered, root_noise(smooth), bins, dispersion, gain_px)
 
 

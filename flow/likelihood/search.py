@@ -10,14 +10,11 @@ from scipy.ndimage import gaussian_filter, map_coordinates
 
 from megalopta.core.arrays import Floats
 from megalopta.flow.likelihood import alignment, edges, messages, roots
-from megalopta.flow.likelihood.messages import Singles
 from megalopta.flow.likelihood.roots import AGREEMENT_PX, NODE_PX, Level
 
 _REACH_PX, _REACH_SHARE = 8, 0.2
 """Largest displacement along x and y, px of a level; at coarse levels this share of the longer
 side"""
-_COARSE_BINS = 4
-"""Bins from which a level is coarse"""
 _LEAVING = 0.5
 """Cost per frame but one of a small displacement other than the flow so far, which coarser scales
 and all frames have voted for; it grows with the displacement's logarithm; fitted as the costs in
@@ -38,7 +35,7 @@ def with_large_motion(level: Level, frames: int, flow: Floats) -> Floats:
     pixel is many.
     """
     reach = round(_REACH_SHARE * max(level.roots.shape[1:]))
-    if level.bins < _COARSE_BINS:
+    if level.bins < 4:  # px per side of bins: a fine level
         reach = _REACH_PX
     leaving = _LEAVING * (frames - 1)
     back = level._replace(roots=level.roots[::-1], splines=level.splines[::-1])
@@ -81,7 +78,7 @@ def sharp_flow(level: Level, flow: Floats) -> Floats:
     return pixels
 
 
-def equal_roots(level: Level, flow: Floats) -> Singles:
+def equal_roots(level: Level, flow: Floats) -> messages.Singles:
     """Return the roots of two frames (2, H, W), equally bright given a flow at nodes nearby."""
     _, _, gains = alignment.aligned_frames(level, alignment.place_of_pixels(level, flow))
     return np.asarray(level.roots * gains, np.float32)

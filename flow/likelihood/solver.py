@@ -10,8 +10,6 @@ import numpy as np
 from megalopta.core.arrays import Floats
 from megalopta.core.compiling import compiled
 
-_MOST_ITERATIONS = 500
-
 Grid = tuple[int, int, int]
 """First row in the array, rows and columns of nodes"""
 
@@ -57,7 +55,7 @@ def improve(matrix: Floats, slope: Floats, velocities: Floats, most_error: float
     _push(system, direction, pushed)
     residual[inner] = slope - pushed[inner]
     error = np.inf
-    for _ in range(_MOST_ITERATIONS):
+    for _ in range(500):  # most iterations
         _cycle(system, grids, residual, change)
         before, error = error, (fine * change[:, : rows + 2]).sum()
         if not error > 2 * most_error:
@@ -74,11 +72,11 @@ def improve(matrix: Floats, slope: Floats, velocities: Floats, most_error: float
 def _push(system: Floats, velocities: Floats, pushed: Floats) -> None:
     """Write the product of the matrix of nodes and velocities."""
     for k in range(2):
-        here, across = velocities[k], velocities[1 - k]
-        for y in range(1, here.shape[0] - 1):
-            for x in range(1, here.shape[1] - 1):
-                force = system[2 * k, y, x] * here[y, x] + system[1, y, x] * across[y, x]
-                pushed[k, y, x] = force - _pull(system, here, y, x)
+        along, across = velocities[k], velocities[1 - k]
+        for y in range(1, along.shape[0] - 1):
+            for x in range(1, along.shape[1] - 1):
+                force = system[2 * k, y, x] * along[y, x] + system[1, y, x] * across[y, x]
+                pushed[k, y, x] = force - _pull(system, along, y, x)
 
 
 @compiled(fastmath={"reassoc", "contract"})

@@ -36,8 +36,6 @@ GROUPS = ("all", "visible", "occluded", "slow", "medium", "fast")
 """All pixels; those visible in the next frame or not; those that move by less than 10 px, by 10 to
 40 px, by more"""
 
-_OUTLIER = 0.25
-"""Relative error of a velocity above which it is an outlier: the dissertation's 2-bit accuracy."""
 _LEAST_SHARE = 0.5
 _STEPS = 100
 
@@ -155,7 +153,7 @@ def truth_error(
         spread_px=(_of(np.std, difference[:, 0]), _of(np.std, difference[:, 1])),
         relative_error_median=_of(np.median, relative),
         relative_error_interval=(_of(itemgetter(low), relative), _of(itemgetter(high), relative)),
-        outlier_fraction=_of(np.mean, relative > _OUTLIER),
+        outlier_fraction=_of(np.mean, relative > 0.25),  # 2-bit accuracy
     )
 
 

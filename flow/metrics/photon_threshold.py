@@ -28,8 +28,6 @@ from megalopta.sensor.sampling.streams import generator
 _REPLICATES = 2000
 _TAIL = (1 - 0.95) / 2
 _INTERVAL = _TAIL, 1 - _TAIL
-_LOWEST_ERROR = 1e-3
-"""Smaller errors, in levels, are raised to this (block matching reaches 0, without logarithm)."""
 _LARGEST_EXPONENT = 50.0
 """Perturbations beyond a factor exp(50) are equal: the error is unknown there."""
 
@@ -126,7 +124,7 @@ def first_crossing(fluxes: Floats, errors: Floats, level: float) -> Floats:
     before_error = np.take_along_axis(errors, after[..., np.newaxis] - 1, -1)[..., 0]
     after_error = np.take_along_axis(errors, after[..., np.newaxis], -1)[..., 0]
     log_before = np.log(np.maximum(before_error, level) / level)
-    log_after = np.log(np.clip(after_error / level, _LOWEST_ERROR, 1))
+    log_after = np.log(np.clip(after_error / level, 1e-3, 1))  # levels; block matching reaches 0
     with np.errstate(invalid="ignore"):
         share = log_before / (log_before - log_after)
     crossing = fluxes[after - 1] * (fluxes[after] / fluxes[after - 1]) ** share

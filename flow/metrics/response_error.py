@@ -27,7 +27,6 @@ from megalopta.flow.detectors.base import Detector
 
 Metric = Literal["literal", "ratio"]
 METRICS: tuple[Metric, ...] = ("literal", "ratio")
-_SMALLEST_DENOMINATOR = 1e-20
 
 
 def error_sums(detector: Detector, ideal: Floats, noisy: Floats) -> Floats:
@@ -92,7 +91,7 @@ def _add_row(size: Floats, difference: Floats, skip_zero: bool, sums: Floats) ->
         counts = (size[j] > 0) | ((size[j] == 0) & (not skip_zero))
         of_ideal = size[j] if counts else 0.0
         off = of_ideal if np.isnan(difference[j]) | (not counts) else difference[j]
-        relative += off / max(of_ideal, _SMALLEST_DENOMINATOR)
+        relative += off / max(of_ideal, 1e-20)  # smallest denominator
         deviation += off
         magnitude += of_ideal
         scored += 1.0 if counts else 0.0

@@ -28,8 +28,6 @@ from megalopta.sensor import ImageSensor
 from megalopta.sensor.information import information
 
 _ANGLES = (np.arange(64) + 0.5) * (np.pi / 64)
-_SINGULAR = 1e-9
-"""Share of J_xx·J_yy below which the determinant is rounding: gradients of one direction only."""
 
 _LOG_FLUXES = math.log(1e-6), math.log(1e15)
 
@@ -69,7 +67,7 @@ def cramer_rao_covariance(information: Floats, frames: int = 2) -> Floats:
     """
     (xx, xy), (_, yy) = np.moveaxis(information, (-2, -1), (0, 1))
     determinant = xx * yy - xy**2
-    solvable = determinant > _SINGULAR * xx * yy
+    solvable = determinant > 1e-9 * xx * yy  # else gradients have one direction
     adjugate = np.stack((yy, -xy, -xy, xx), axis=-1).reshape(information.shape)
     spread = frames * (frames**2 - 1) / 12
     with np.errstate(divide="ignore", invalid="ignore"):

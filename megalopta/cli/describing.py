@@ -37,8 +37,6 @@ _REGISTRIES = {
     "sensors": IMAGE_SENSORS,
 }
 """Names that fields accept besides those in their types"""
-_KEYS = "preset", "like"
-"""Keys of mappings that name values to change"""
 
 
 def described() -> dict[str, Any]:
@@ -49,7 +47,7 @@ def described() -> dict[str, Any]:
     sensors = {name: sensor.model_dump(mode="json") for name, sensor in IMAGE_SENSORS.items()}
     return {
         "models": models,
-        "keys": list(_KEYS),
+        "keys": ["preset", "like"],  # of mappings that name values to change
         "presets": {"scene": dict(PRESETS), "sensors": sensors},
         "pictures": {
             **DEFAULTS,

@@ -64,7 +64,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
             raise
         _refuse(problem)
     except KeyboardInterrupt:
-        say("megalopta: interrupted; every file is complete, and the same command continues")
+        say("megalopta: interrupted; every file there is complete; run the same command again")
         sys.stdout.flush()
         os._exit(130)  # does not wait for threads that still compute
 
@@ -122,10 +122,10 @@ def program() -> Command:
     return parser
 
 
-def joined(words: Sequence[str], lists: Collection[str]) -> list[str]:
+def joined(arguments: Sequence[str], lists: Collection[str]) -> list[str]:
     """Join by commas what follows an option of a list, up to an option or a path that exists."""
     kept, is_list = list[str](), False  # whether the last is of a list
-    for word in words:
+    for word in arguments:
         is_path = os.path.exists(word) and not word.endswith(".onnx")  # noqa: PTH110 # of any length
         if is_list and not word.startswith("-") and not is_path:
             kept[-1] += f",{word}"

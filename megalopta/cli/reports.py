@@ -86,8 +86,8 @@ def _sensor(options: Namespace) -> list[str | Path]:
     "write film.mp4, film.gif and view.html, a page with sliders: light, counts, flow and truth of "
     "a dataset, a recording or a file of frames or events; of many sequences index.html",
     option(
-        "thing",
-        "dataset folder, recording, or frames or events of any camera: .npy of packed bits or "
+        "thing THING[@LIGHT[:SECONDS]]",
+        "dataset, DATASET/SEQUENCE, recording, or frames or events of a camera: .npy of bits or "
         "counts, .spc3, .mat, TIFF, .bin of SPAD512 or SwissSPAD2, a folder of PNG or TIFF of "
         "bits (of counts: --format png), events in .h5",
         Path,
@@ -126,7 +126,7 @@ def _sensor(options: Namespace) -> list[str | Path]:
 def _view(options: Namespace) -> list[Path]:
     from megalopta.report.view import ViewOptions, view
 
-    folder = options.out or Path("out/view") / options.thing.resolve().stem
+    folder = options.out or Path("out/view") / Path(str(options.thing).split("@")[0]).resolve().stem
     return view(options.thing, folder, chosen(options, ViewOptions))
 
 
@@ -153,11 +153,13 @@ def _reproduce(options: Namespace) -> list[Path]:
 )
 def _check(options: Namespace) -> None:
     from megalopta.dataset.store import open_sequence
-    from megalopta.verification import files, truth
+    from megalopta.verification import files
 
     if options.what == "files":
         passes = files.run_check_files(options.dataset, options.truth)
     else:
-        passes = truth.run_check_truth(open_sequence(options.dataset))
+        from megalopta.verification.truth import run_check_truth
+
+        passes = run_check_truth(open_sequence(options.dataset))
     if not passes:
         sys.exit(1)

@@ -126,16 +126,14 @@ def settings_of(model: str, values: Mapping[str, Any], prefix: str = "") -> Iter
         for part in value if is_list else [value]:
             preset = part.get("preset") if isinstance(part, Mapping) else part
             known = presets.get(name, {}).get(preset) if isinstance(preset, str) else None
-            parts.append(
-                merged(known, part if isinstance(part, Mapping) else {}) if known else part
-            )
+            changes = part if isinstance(part, Mapping) else {}
+            parts.append(merged(known, changes) if known else part)
         inner = [part for part in parts if kinds and isinstance(part, Mapping)]
         if is_list:
-            yield (
-                path,
-                field,
-                [p.get("name", p.get("kind", p)) if isinstance(p, Mapping) else p for p in parts],
+            names = (
+                p.get("name", p.get("kind", p)) if isinstance(p, Mapping) else p for p in parts
             )
+            yield path, field, list(names)
         elif not inner:
             yield path, field, value
         for index, part in enumerate(inner):

@@ -29,9 +29,10 @@ if TYPE_CHECKING:
 
 _RECORDINGS = (
     option(
-        "recordings RECORDING[@LIGHT]",
-        "recordings, or folders of them, with LIGHT in photons per second and pixel; without: by "
-        "recording.yaml, header or name, such as flat_2e7_10us, else dark; or a .yaml list",
+        "recordings RECORDING[@LIGHT[:SECONDS]]",
+        "recordings, or folders of them, with LIGHT in photons per second and pixel, and the "
+        "exposure; without: by recording.yaml, header or name, such as flat_2e7_10us, else dark; "
+        "or a .yaml list",
         nargs="+",
     ),
     option(
@@ -107,7 +108,8 @@ def _capture(options: Namespace) -> str:
     out("device.yaml", "device file"),
     option(
         "--preset",
-        "sensor for what is not measured (default: spadcam of its recordings, else ideal)",
+        "preset, or .yaml file of pitch_m, fill_factor, lens …, for what is not measured "
+        "(default: spadcam of its recordings, else ideal)",
     ),
 )
 def _calibrate(options: Namespace) -> Iterator[object]:

@@ -21,7 +21,7 @@ from megalopta.cli.command import (
 )
 from megalopta.cli.settings import VerbSettings
 from megalopta.config import built_in_names
-from megalopta.core.errors import UserError, shell_command
+from megalopta.core.errors import UserError, check_path, shell_command
 from megalopta.core.progress import say, step
 
 if TYPE_CHECKING:
@@ -110,6 +110,7 @@ def _demo(options: Namespace) -> Path:
 
 def run_later_stage(stage: str, options: Namespace) -> None:
     """Run a stage on every sequence of the dataset that the options name."""
+    check_path(options.dataset)
     from megalopta.dataset.store import Tree
     from megalopta.stages.make import add_exposures, measure
 
@@ -183,6 +184,7 @@ _OF_PICTURES = (
     example="megalopta sense clip.mp4 --photons 2    # then: megalopta view out/clip",
 )
 def _sense(options: Namespace) -> Path | None:
+    check_path(options.input)
     from megalopta.render import is_footage, open_footage
 
     fields = (how.get("dest", name[2:]) for name, how in _OF_PICTURES)
@@ -242,11 +244,15 @@ VERBS["dataset"] = Verb("make a dataset of many sequences")
     example="megalopta dataset make plan.yaml --out data --workers 2",
 )
 def _make(options: Namespace) -> Path | str:
+    if options.plan != Path("challenge"):
+        check_path(options.plan)
     from megalopta.config.recipe import load_plan
+
+    plan = load_plan(options.plan, options.overrides)  # refused before the rest is loaded
+
     from megalopta.stages.estimate import estimate_plan
     from megalopta.stages.make import make, parse_indices
 
-    plan = load_plan(options.plan, options.overrides)
     only = parse_indices(options.only, plan.sequences) if options.only else None
     if options.dry_run:
         return estimate_plan(options.out, plan, options.workers or 1, only)

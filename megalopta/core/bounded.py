@@ -79,9 +79,9 @@ def read_text(path: str | Path, at_most: int = TEXT_BYTES) -> str:
         raise ValueError(f"{Path(path).name} is no text; save it as UTF-8") from None
 
 
-def read_json(path: str | Path, at_most: int = TEXT_BYTES) -> Any:
+def read_json(path: str | Path) -> Any:
     """Return the content of a JSON file; errors as `read_text`, ValueError if it is not JSON."""
-    return from_json(read_text(path, at_most))
+    return from_json(read_text(path))
 
 
 def from_json(text: str) -> Any:

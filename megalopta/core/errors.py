@@ -6,6 +6,7 @@ import shlex
 from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from difflib import get_close_matches
+from pathlib import Path
 
 _REMEDIES = {
     errno.ENOSPC: "the disk is full; free some space and run the same command again",
@@ -51,8 +52,21 @@ def nearest(word: str, known: Collection[str], all_are: str = "use one of") -> s
     return f"did you mean {near[0]!r}?" if near else f"{all_are} {', '.join(known)}"
 
 
+def near_path(path: Path, remedy: str = "check the path") -> str:
+    """Return "did you mean 'x'?" if a folder lacks a path, but has a near name; else a remedy."""
+    names = [entry.name for entry in path.parent.glob("*")]
+    near = [] if path.name in names else get_close_matches(path.name, names, n=1)
+    return f"did you mean {str(path.with_name(near[0]))!r}?" if near else remedy
+
+
 class UserError(Exception):
     """A user's error; the message names the cause and the remedy."""
+
+
+def check_path(path: Path) -> None:
+    """Refuse, with UserError, a missing path, before libraries are loaded for it."""
+    if not os.path.lexists(path):
+        raise UserError(f"{path}: no such file or folder; {near_path(path)}")
 
 
 class DamagedFileError(UserError, ValueError):

@@ -91,9 +91,8 @@ def is_temporary(path: Path) -> bool:
 def natural_key(path: Path) -> list[tuple[int, str]]:
     """Return a sort key by the numbers in names: frame 9 before frame 10."""
     parts = re.split("([0-9]+)", path.name)
-    return [(int(part), "") if k % 2 else (-1, part) for k, part in enumerate(parts)] + [
-        (-2, path.name)
-    ]
+    numbers = [(int(part), "") if k % 2 else (-1, part) for k, part in enumerate(parts)]
+    return [*numbers, (-2, path.name)]
 
 
 def files_in(paths: Iterable[Path]) -> Iterator[Path]:

@@ -5,9 +5,6 @@ import re
 
 UNDEFINED = "–"
 _PREFIXES = ("f", "p", "n", "µ", "m", "", "k", "M", "G")
-_WITH_PREFIX = ("s", "m", "V", "Hz")
-"""Units that take a prefix"""
-_THIN = "\u202f"
 _SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
@@ -35,7 +32,7 @@ def short(value: float) -> str:
 def _grouped(value: float, decimals: int) -> str:
     """Round, and put thin spaces between the thousands of five digits or more."""
     text = f"{round(value, decimals) + 0.0:,.{max(decimals, 0)}f}"
-    return text.replace(",", _THIN if abs(value) >= 9999.5 else "")
+    return text.replace(",", "\u202f" if abs(value) >= 9999.5 else "")
 
 
 def with_error(value: float, error: float, unit: str) -> str:
@@ -50,21 +47,26 @@ def with_error(value: float, error: float, unit: str) -> str:
     if not has_error or not math.isfinite(value):
         return f"{short(value)} {unit}".strip()
     error /= scale
+    if (size := max(abs(value), error)) < 1e-4:
+        power = math.floor(math.log10(size))
+        both = with_error(value / 10.0**power, error / 10.0**power, "")
+        return f"({both}) · 10{str(power).translate(_SUPERSCRIPTS)} {unit}".strip()
     decimals = -math.floor(math.log10(error))
     decimals += round(error, decimals + 1) * 10.0**decimals < 1.95
     return f"{_grouped(value, decimals)} ± {_grouped(error, decimals)} {unit}".strip()
 
 
 def between(low: float, high: float, unit: str) -> str:
-    """Format the ends of a range with one unit: "0.25 to 6.83 µs"."""
+    """Format the ends of a range with one unit: "0.255 to 6.83 µs"; equal ones once."""
     scale, unit = _prefixed(max(abs(low), abs(high)), unit)
-    return f"{number(low / scale)} to {number(high / scale)} {unit}".strip()
+    ends = dict.fromkeys((number(low / scale), number(high / scale)))
+    return f"{' to '.join(ends)} {unit}".strip()
 
 
 def _prefixed(size: float, unit: str) -> tuple[float, str]:
     """Return the size of a unit with the prefix that suits a size, and its name."""
     power = 0
-    if unit in _WITH_PREFIX and size and math.isfinite(size):
+    if unit in ("s", "m", "V", "Hz") and size and math.isfinite(size):  # units that take a prefix
         power = min(max(math.floor(math.log10(size) / 3 + 1e-9), -5), 3)
     return 1000.0**power, f"{_PREFIXES[power + 5] if power else ''}{unit}"
 

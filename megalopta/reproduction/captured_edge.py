@@ -16,7 +16,6 @@ from matplotlib.figure import Figure as Canvas
 from numpy.typing import NDArray
 
 from megalopta.camera import comparison, motion_bench as bench
-from megalopta.camera.motion_bench import Peaks
 from megalopta.camera.sources import Source, read_recorded
 from megalopta.core.arrays import Floats
 from megalopta.core.errors import UserError, refused_as
@@ -27,8 +26,6 @@ from megalopta.reproduction.picture import Figure, write_figure
 from megalopta.sensor import Sensor, changed, load_sensor
 from megalopta.sensor.calibrate.level import Level
 
-_SHOWN = 4
-"""Detector whose responses are drawn over time"""
 _METHODS = ("NDM", "NDS")
 _PRINTED_SNR_DB = {"NDM": 12.6, "NDS": 15.7}
 
@@ -48,11 +45,11 @@ def captured_figures(captured: Mapping[float, NDArray[Any]], sensor: Sensor) -> 
     caption = f"The edge moves by {speed}. Simulated in the {lit}"
     yield _passage({name: bench.pooled(frames)[:, 0] for name, frames in counts.items()}, caption)
     direct = [bench.peaks(speed, sensor) for speed in speeds]
-    peaks: dict[tuple[str, str], list[Peaks]] = {}
+    peaks: dict[tuple[str, str], list[bench.Peaks]] = {}
     for method in _METHODS:
         ours = peaks["simulated", method] = [by_method[method] for by_method in direct]
         peaks["captured", method] = [
-            Peaks(
+            bench.Peaks(
                 bench.crossing_peaks(bench.detector(method), bench.pooled(captured[speed])), ideal
             )
             for speed, (_, ideal) in zip(speeds, ours, strict=True)
@@ -80,7 +77,7 @@ def _passage(rows: Mapping[str, Floats], caption: str) -> Figure:
             axes.grid(visible=False)
             axes.set_title(f"{content}, {name}", fontsize=9, loc="left")
             axes.set(xlabel="pixel" if content == "counts" else "detector", ylabel="frame")
-            curve = frames[:, _SHOWN + (content == "counts")]
+            curve = frames[:, 4 + (content == "counts")]  # of one detector
             panels[row, 3].plot(time_s, curve / curve.max(), label=content)
         for axes in panels[:, 3]:
             axes.set(ylim=(0, 1.05), xlabel="time (s)", ylabel="share of largest")
@@ -104,7 +101,7 @@ def _passage(rows: Mapping[str, Floats], caption: str) -> Figure:
 
 
 def _over_speeds(
-    speeds: Sequence[float], peaks: Mapping[tuple[str, str], Sequence[Peaks]]
+    speeds: Sequence[float], peaks: Mapping[tuple[str, str], Sequence[bench.Peaks]]
 ) -> Figure:
     """Draw peak responses over the speed of the plate (mm/s), by recording and method."""
     velocity = np.array([bench.pixels_per_frame(speed) for speed in speeds])

@@ -20,7 +20,6 @@ from megalopta.core.progress import progress
 from megalopta.core.quantities import UNDEFINED, number
 from megalopta.flow.metrics.response_error import METRICS
 from megalopta.report import sections
-from megalopta.report.sections import Section
 from megalopta.reproduction.picture import write_figure, write_numbers
 from megalopta.reproduction.sweep_figure import measure, over_templates, sweep_figure, thresholds
 
@@ -176,8 +175,8 @@ def _write_page(out: Path, rows: pd.DataFrame, names: Sequence[str], is_quick: b
         if name != TABLE
     ]
     page = [
-        Section("Table 4.1", NOTE, head, lines),
-        Section("Figures", body=sections.block("charts", *pictures)) if pictures else None,
+        sections.Section("Table 4.1", NOTE, head, lines),
+        sections.Section("Figures", body=sections.block("charts", *pictures)) if pictures else None,
     ]
     quick = " Quick form: fewer values, sizes and forests than in the dissertation."
     near = literal["ratio"].between(0.5, 2).sum()

@@ -12,17 +12,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Canvas
 from matplotlib.ticker import EngFormatter, LogLocator, NullFormatter
 
+from megalopta.benchmark import trial as sweeps
 from megalopta.benchmark.panoramas import ROWS
-from megalopta.benchmark.trial import (
-    GratingTemplate,
-    Results,
-    Sweep,
-    SweepPoint,
-    Trial,
-    Value,
-    run,
-    template_pixels,
-)
 from megalopta.core.folders import ensure_directory
 from megalopta.report import style
 from megalopta.reproduction.picture import Figure, write_figure
@@ -39,7 +30,9 @@ _LABELS = {
 }
 
 
-def reproduce_sweep(name: str, sweep: Sweep, out: Path, workers: int | None = None) -> list[Path]:
+def reproduce_sweep(
+    name: str, sweep: sweeps.Sweep, out: Path, workers: int | None = None
+) -> list[Path]:
     """Measure a sweep and write its figure under this name, as PNG, SVG and CSV.
 
     Results are kept in the folder `trials` of `out`, and not measured again. Raises UserError if
@@ -49,16 +42,18 @@ def reproduce_sweep(name: str, sweep: Sweep, out: Path, workers: int | None = No
     return write_figure(sweep_figure(name, sweep, measure(sweep.trials, out, workers)), out)
 
 
-def measure(trials: Sequence[Trial], out: Path, workers: int | None = None) -> Results:
+def measure(
+    trials: Sequence[sweeps.Trial], out: Path, workers: int | None = None
+) -> sweeps.Results:
     """Return the error curves of trials, kept in the folder `trials` of `out`.
 
     They are measured on so many threads, by default one per core.
     """
-    templates = template_pixels(trial.template for trial in trials)
-    return run(trials, templates, out / "trials", workers)
+    templates = sweeps.template_pixels(trial.template for trial in trials)
+    return sweeps.run(trials, templates, out / "trials", workers)
 
 
-def thresholds(points: Iterable[SweepPoint], results: Results) -> pd.DataFrame:
+def thresholds(points: Iterable[sweeps.SweepPoint], results: sweeps.Results) -> pd.DataFrame:
     """Return the long table of a sweep: a row per trial, method, metric and number of bits.
 
     NaN is no threshold, or an end of an interval beyond the curve.
@@ -105,7 +100,7 @@ def over_templates(table: pd.DataFrame) -> pd.DataFrame:
     return means.drop(columns=["least", "most", "templates"])
 
 
-def sweep_figure(name: str, sweep: Sweep, results: Results) -> Figure:
+def sweep_figure(name: str, sweep: sweeps.Sweep, results: sweeps.Results) -> Figure:
     """Draw N_2b, in the first metric, over the varied parameter; a panel per size."""
     table = thresholds(sweep.points, results)
     rows = math.ceil(len(_sizes(sweep)) / 2)
@@ -119,18 +114,17 @@ def sweep_figure(name: str, sweep: Sweep, results: Results) -> Figure:
     )
 
 
-def _first(sweep: Sweep, table: pd.DataFrame) -> pd.DataFrame:
+def _first(sweep: sweeps.Sweep, table: pd.DataFrame) -> pd.DataFrame:
     """Return the rows in the first metric and number of bits, which are drawn."""
     search = sweep.trial.search
     return table[(table["metric"] == search.metrics[0]) & (table["bits"] == search.bits[0])]
 
 
-def _sizes(sweep: Sweep) -> tuple[int, ...]:
-    """Return the size of each panel."""
+def _sizes(sweep: sweeps.Sweep) -> tuple[int, ...]:
     return (sweep.trial.size,) if sweep.vary == "size" else sweep.sizes or (sweep.trial.size,)
 
 
-def _caption(sweep: Sweep, table: pd.DataFrame) -> str:
+def _caption(sweep: sweeps.Sweep, table: pd.DataFrame) -> str:
     search, templates = sweep.trial.search, sweep.templates
     metric = {"literal": "Eq. 4.5", "ratio": "the quotient of means"}[search.metrics[0]]
     bars = "95 % intervals"
@@ -147,11 +141,11 @@ def _caption(sweep: Sweep, table: pd.DataFrame) -> str:
     )
 
 
-def _fixed(sweep: Sweep) -> Iterator[str]:
+def _fixed(sweep: sweeps.Sweep) -> Iterator[str]:
     """Yield the fixed settings of all trials, by their names in a sweep's file."""
     trial, pictures = sweep.trial, sweep.templates or (sweep.trial.template,)
     fixed: dict[str, object] = {"velocity_px": trial.velocity_px}
-    if isinstance(template := pictures[0], GratingTemplate):
+    if isinstance(template := pictures[0], sweeps.GratingTemplate):
         for name in ("cycles_per_frame", "contrast", "variant"):
             fixed[f"template.{name}"] = getattr(template, name)
     else:
@@ -164,7 +158,7 @@ def _fixed(sweep: Sweep) -> Iterator[str]:
     yield from (f"{path} {value}" for path, value in fixed.items() if path != sweep.vary)
 
 
-def _draw(canvas: Canvas, sweep: Sweep, table: pd.DataFrame) -> None:
+def _draw(canvas: Canvas, sweep: sweeps.Sweep, table: pd.DataFrame) -> None:
     sizes = _sizes(sweep)
     shape = math.ceil(len(sizes) / 2), min(len(sizes), 2)
     panels = canvas.subplots(*shape, sharex=True, sharey=True, squeeze=False).ravel()
@@ -178,9 +172,9 @@ def _draw(canvas: Canvas, sweep: Sweep, table: pd.DataFrame) -> None:
     canvas.legend(*panels[0].get_legend_handles_labels(), loc="outside right center")
 
 
-def _draw_panel(axes: Axes, sweep: Sweep, table: pd.DataFrame) -> None:
+def _draw_panel(axes: Axes, sweep: sweeps.Sweep, table: pd.DataFrame) -> None:
     search = sweep.trial.search
-    values: list[Value] = table["value"].unique().tolist()
+    values: list[sweeps.Value] = table["value"].unique().tolist()
     is_text = any(isinstance(value, (str, bool)) for value in values)
     for method, curve in table.groupby("method", sort=False):
         ordered = curve if is_text else curve.sort_values("value")

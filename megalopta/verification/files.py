@@ -23,11 +23,8 @@ from megalopta.dataset import index
 from megalopta.dataset.store import BOOKS, Dataset, Tree, file_difference, whole_of
 from megalopta.stages.registry import STAGES
 from megalopta.stages.run import entry
-from megalopta.verification.truth import check_truth
 
 _OWN = ("dataset.yaml", "report.html", "croissant.json", "README.md", "index.html", LOCK_NAME)
-_OTHER_FOLDERS = (*BOOKS, "ranking")
-"""Folders without files of sequences; the demo writes a ranking"""
 
 
 class FileFault(NamedTuple):
@@ -85,7 +82,7 @@ def check_files(tree: Tree, truths: int = 0) -> list[FileFault]:
     ]
     known |= {tree.root / name for name in _OWN}
     for top in tree.root.iterdir():
-        if top.name not in _OTHER_FOLDERS and not files.is_temporary(top):
+        if top.name not in (*BOOKS, "ranking") and not files.is_temporary(top):  # the demo ranks
             for path in sorted(set(files.files_in([top])) - known):
                 fault = "belongs to no sequence of this dataset"
                 all_faults.append(FileFault(path, fault, "move it elsewhere"))
@@ -153,6 +150,8 @@ def _plan_faults(tree: Tree, plan: Plan, names: list[str]) -> Faults:
 
 
 def _truth_faults(dataset: Dataset) -> Faults:
+    from megalopta.verification.truth import check_truth  # needs the renderer
+
     path = dataset.root / "truth" / dataset.sequence
     try:
         with silent():

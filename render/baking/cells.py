@@ -134,7 +134,8 @@ class Cells:
         size = self.pixel_rad * np.maximum(self.path.query(center)[0], NEAREST_M)
         level = np.floor(np.log2(VOXEL_PX * size)) + octaves
         voxel, block = (
-            np.floor(center / np.exp2(each)[:, None]) for each in (level, level + _BLOCK_OCTAVES)
+            np.floor(center / np.exp2(octave)[:, None])
+            for octave in (level, level + _BLOCK_OCTAVES)
         )
         place = _hashes(level, *block.T) >> _BLOCK_SHIFT << _BLOCK_SHIFT
         return place | _hashes(patches.mesh, level, facing, *voxel.T) >> np.uint64(_BLOCK_BITS)

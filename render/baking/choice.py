@@ -122,17 +122,14 @@ def cost_reason(
     )
 
 
-_FRAMES = 3
 _RAYS = 32
 """Rays per pixel and frame."""
-_PIXELS = 2000
-"""Approximate number of pixels per frame; all pixels of small frames."""
 
 
 def pilot_views(camera: Camera, poses: Floats, seed: int) -> list[list[Any]]:
     """Views, as from `views`, of a few frames of a camera at poses (T, 4, 4)."""
-    step = max(camera.width * camera.height // _PIXELS, 1)
-    frames = poses[np.linspace(0, len(poses) - 1, _FRAMES).round().astype(int)]
+    step = max(camera.width * camera.height // 2000, 1)  # about 2000 pixels per frame
+    frames = poses[np.linspace(0, len(poses) - 1, 3).round().astype(int)]
     return [list(views(camera, pose[None], _RAYS, seed, step)) for pose in frames]
 
 

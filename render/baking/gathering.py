@@ -29,8 +29,6 @@ _AHEAD = 2**20
 """First sample of paths whose light is kept; those of light are before."""
 _PARTS = 2
 """Parts of a band in which kept light is distinguished."""
-_NEAREST_M = 1e-3
-"""Nearest hit that is distinguished from nearer ones (m)."""
 
 
 class Places(NamedTuple):
@@ -255,7 +253,7 @@ class Gatherer:
     def _spot(self, ray: Any, hit: Any, kind: Any) -> tuple[Any, Any]:
         """Two numbers of what rays hit: the voxel, about half as wide as far, mesh and facing."""
         point = hit.compute_surface_interaction(ray, mi.RayFlags.Minimal)
-        level = dr.floor(dr.log2(dr.maximum(hit.t, _NEAREST_M))) - 1
+        level = dr.floor(dr.log2(dr.maximum(hit.t, 1e-3))) - 1  # m; nearer hits are alike
         x, y, z = (mi.UInt(mi.Int(dr.floor(place * dr.exp2(-level)))) for place in point.p)
         facing = mi.UInt(0)
         for axis in dr.select(dr.dot(point.n, ray.d) > 0, -point.n, point.n):

@@ -31,16 +31,10 @@ DEMUXERS: Mapping[str, str] = {
 
 _REMEDY = "repair it with ffmpeg -i IN OUT.mp4, or copy it again"
 _MOST_FRAMES, _MOST_BYTES = 1_000_000, 2 * 10**11
-_DECODED_ON = 50
-"""Frames that are decoded one after the other rather than jumped over."""
 _LIMITED, _FULL = 1, 2
-_DEEP_WHITE = 65283
-"""Code of white in the 16-bit RGB that libswscale makes of limited range."""
 _BT709, _BT601, _BT2020 = 1, 5, 9
 _MATRICES = {1: 1, 4: 4, 5: 5, 6: 5, 7: 7, 9: 9}
 """libswscale's number of a color matrix, by that in the file (ITU-T H.273)."""
-_HD_ROWS = 720
-"""Rows from which a film without a stated matrix uses that of BT.709, not of BT.601."""
 _TOLD = (
     *("STEREO3D", "SPHERICAL", "MASTERING_DISPLAY_METADATA", "CONTENT_LIGHT_LEVEL"),
     "ICC_PROFILE",
@@ -154,7 +148,7 @@ class Film(frames.Footage):
             if first.color_range == _LIMITED:
                 black, white = (16 * 256, 235 * 256) if is_deep else (16, 235)
         elif is_deep and not is_full:
-            white = _DEEP_WHITE
+            white = 65283  # as libswscale makes of limited range
         coding = frames.coding_of(name, 65536 if is_deep else 256, black, white)
         _, xy = frames.PRIMARIES.get(first.color_primaries, frames.PRIMARIES[1])
         return replace(coding, matrix=frames.to_bt709(xy))
@@ -256,7 +250,7 @@ class Film(frames.Footage):
 
     def _decoded(self, index: int) -> Any:
         """Return a decoded frame. Raises DamagedFileError if it is damaged or missing."""
-        is_next = self._next <= index <= self._next + _DECODED_ON
+        is_next = self._next <= index <= self._next + 50  # frames decoded rather than jumped over
         for begins_anew in (self._counts and not is_next, True):
             with suppress(self._problem):
                 if begins_anew:
@@ -296,7 +290,7 @@ def _matrix(path: Path, frame: Any, is_gray: bool) -> int:
         )
     if frame.color_primaries == _BT2020:
         return _BT2020
-    return _BT709 if min(frame.width, frame.height) >= _HD_ROWS else _BT601
+    return _BT709 if min(frame.width, frame.height) >= 720 else _BT601  # rows of HD
 
 
 def _turn(frame: Any) -> tuple[bool, bool, bool]:

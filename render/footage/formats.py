@@ -16,7 +16,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from megalopta.core.bounded import ARRAY_BYTES, check_decoded, quoted, read_bytes
+from megalopta.core import bounded
 from megalopta.core.errors import DamagedFileError
 from megalopta.core.pictures import checked_png, png_parts
 from megalopta.render.exr import RADIANCE_UNIT, VALUE_BYTES, read_headers
@@ -55,7 +55,7 @@ def exr_header(path: Path) -> frames.Header:
     stated, notes = picture.attributes, []
     (left, top), (right, bottom) = window = np.asarray(stated["dataWindow"]).tolist()
     shape = bottom - top + 1, right - left + 1
-    check_decoded(path, (*shape, len(picture.names)), VALUE_BYTES)
+    bounded.check_decoded(path, (*shape, len(picture.names)), VALUE_BYTES)
     if window != np.asarray(stated["displayWindow"]).tolist():
         raise DamagedFileError(
             f"{path} has pixels in a part of its displayWindow, or beyond it; save it whole"
@@ -63,7 +63,7 @@ def exr_header(path: Path) -> frames.Header:
     if picture.others:
         notes.append(
             f"{path} holds several pictures or layers: {', '.join(picture.names)} are read, not "
-            f"{quoted(', '.join(picture.others), 400)}"
+            f"{bounded.quoted(', '.join(picture.others), 400)}"
         )
     notes += frames.not_square(path, float(stated["pixelAspectRatio"]))
     chromaticities, bands_nm = None, None
@@ -139,8 +139,8 @@ def _chosen(path: Path, headers: Sequence[Mapping[str, Any]]) -> _Picture:
             raise DamagedFileError(f"{path} holds deep data; flatten it, and save it again")
         listed = ", ".join(name for _, name in channels)
         raise DamagedFileError(
-            f"{path} has the channels {quoted(listed)}; give one with R, G, B, or Y, or spectra "
-            "S0.<wavelength>nm"
+            f"{path} has the channels {bounded.quoted(listed)}; give one with R, G, B, or Y, or "
+            "spectra S0.<wavelength>nm"
         )
     _, part, used, alpha, wavelengths_nm = min(candidates, key=lambda candidate: candidate[:2])
     known_names = *used, alpha, *("RGB" if wavelengths_nm else "")  # the picture of the spectra
@@ -198,7 +198,7 @@ def radiance_header(path: Path) -> frames.Header:
     notes = list[str]()
     layout = stated.pop("FORMAT", "32-bit_rle_rgbe")
     if layout not in ("32-bit_rle_rgbe", "32-bit_rle_xyze"):
-        raise DamagedFileError(f"{path} is of {quoted(layout)}; save it as 32-bit_rle_rgbe")
+        raise DamagedFileError(f"{path} is of {bounded.quoted(layout)}; save it as 32-bit_rle_rgbe")
     xy = tuple(map(float, stated.pop("PRIMARIES", "").split()))
     xy = frames.XYZ_XY if layout == "32-bit_rle_xyze" else xy
     chromaticities, note = frames.converted(path, xy) if xy else (None, ())
@@ -213,7 +213,7 @@ def radiance_header(path: Path) -> frames.Header:
 
 def radiance_light(path: Path) -> tuple[NDArray[Any], bool]:
     """Return light (H, W, 3), upright, and False: nothing is transparent."""
-    content = read_bytes(path, ARRAY_BYTES)
+    content = bounded.read_bytes(path, bounded.ARRAY_BYTES)
     shape, divisor, _, end = _radiance(path, content)
     # OpenCV reads files only, and only this header.
     plain = "#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y {} +X {}\n".format(*shape)
@@ -236,7 +236,7 @@ _PNG_TOLD = (b"oFFs", b"pCAL", b"sCAL", b"sTER", b"mDCV", b"cLLI", b"cLLi", b"mD
 def png_colors(path: Path, header: frames.Header) -> tuple[frames.Header, dict[str, str]]:
     """Return a header with the colors that a PNG states, and what has no effect."""
     chunks: dict[bytes, bytes] = {}
-    for name, chunk in png_parts(read_bytes(path, ARRAY_BYTES)):
+    for name, chunk in png_parts(bounded.read_bytes(path, bounded.ARRAY_BYTES)):
         if name not in (b"IDAT", b"fdAT"):
             chunks[name] = chunk[8:-4]
     statements = {name.decode(): chunks[name].hex() for name in _PNG_TOLD if name in chunks}
@@ -264,7 +264,7 @@ def png_colors(path: Path, header: frames.Header) -> tuple[frames.Header, dict[s
 def png_numbers(path: Path) -> tuple[NDArray[Any], bool]:
     """Return codes (H, W) or (H, W, 3) of a 16-bit PNG, and True if any is transparent."""
     # libpng may complain about other parts
-    plain = checked_png(read_bytes(path, ARRAY_BYTES), _PNG_PIXELS)
+    plain = checked_png(bounded.read_bytes(path, bounded.ARRAY_BYTES), _PNG_PIXELS)
     with frames.without_log():
         numbers = cv2.imdecode(np.frombuffer(plain, np.uint8), cv2.IMREAD_UNCHANGED)
     if numbers is None:

@@ -118,7 +118,6 @@ def to_xyz(chromaticities: Sequence[float]) -> Floats:
     return np.asarray(colors[:, :3] * shares)
 
 
-_KEPT_BYTES = 2**27
 _MOST_NEGATIVE = 0.01
 """Largest share of the light that values below 0 may sum to."""
 
@@ -281,7 +280,7 @@ class Footage(ABC):
             index = range(self.count)[index]
             if index not in self._kept:
                 held = next(iter(self._kept.values()), np.empty(0)).nbytes
-                while self._kept and held * (len(self._kept) + 1) > _KEPT_BYTES:
+                while self._kept and held * (len(self._kept) + 1) > 2**27:  # bytes kept
                     del self._kept[next(iter(self._kept))]  # before the next one is decoded
                 self._kept[index] = np.ascontiguousarray(self._numbers(index))
             return self._kept[index]

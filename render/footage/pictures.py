@@ -12,14 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageOps
 
-from megalopta.core.bounded import (
-    ARRAY_BYTES,
-    check_count,
-    check_file,
-    mapped_array,
-    quoted,
-    read_bytes,
-)
+from megalopta.core import bounded
 from megalopta.core.errors import DamagedFileError, UserError, machine_problem
 from megalopta.core.files import natural_key
 from megalopta.core.pictures import opened_picture, readable
@@ -185,7 +178,9 @@ def open_folder(path: Path, unit: frames.Unit | None) -> PictureFiles:
         footage = PictureFiles(path, files, unit, _common_header(files))
     omitted = sorted({item.name for item in visible} - {item.name for item in files})
     if omitted:
-        left_out = f"{path} holds other files, which are omitted ({quoted(', '.join(omitted))})"
+        left_out = (
+            f"{path} holds other files, which are omitted ({bounded.quoted(', '.join(omitted))})"
+        )
         footage.notes += (left_out,)
     names, order = [file.name for file in files], ""
     if len(names) > 1 and not all(re.search("[0-9]", name) for name in names):
@@ -266,7 +261,7 @@ def header_of(path: Path) -> frames.Header:
     Raises DamagedFileError, also if its pixels do not fit into the budget.
     """
     with readable(path):
-        check_file(path)
+        bounded.check_file(path)
         if not path.stat().st_size:
             raise DamagedFileError(f"{path} is empty; save the picture again")
         readers = {"EXR": formats.exr_header, "Radiance": formats.radiance_header}
@@ -309,7 +304,7 @@ def pillow_header(path: Path) -> frames.Header:
         if image.format == "PNG":
             header, statements = formats.png_colors(path, header)
             stated |= statements
-        if image.format == "GIF" and (aspect := read_bytes(path, ARRAY_BYTES)[12]):
+        if image.format == "GIF" and (aspect := bounded.read_bytes(path, bounded.ARRAY_BYTES)[12]):
             notes += frames.not_square(path, (aspect + 15) / 64)
         if getattr(image, "n_frames", 1) > 1 and image.format in ("GIF", "PNG", "WEBP"):
             if is_deep:
@@ -321,8 +316,8 @@ def pillow_header(path: Path) -> frames.Header:
 def _animated(path: Path, image: Image.Image, header: frames.Header) -> frames.Header:
     """Return a header with the times of the frames of an animation, which are all decoded."""
     first, count, size = int(bool(image.info.get("default_image"))), image.n_frames, image.size  # type: ignore[attr-defined]
-    check_count(path, "frames", count, _MOST_FRAMES)
-    check_count(path, "pixels in its frames", count * math.prod(size), 10**9)
+    bounded.check_count(path, "frames", count, _MOST_FRAMES)
+    bounded.check_count(path, "pixels in its frames", count * math.prod(size), 10**9)
     lasts_s, notes = list[float](), list(header.notes)
     with working(f"frames of {path}"):
         for page in range(first, count):
@@ -357,7 +352,7 @@ def open_footage(path: Path, unit: frames.Unit | None = None) -> frames.Footage:
     try:
         if path.is_dir():
             return open_folder(path, unit)
-        check_file(path, at_most=2**63 - 1)  # each reader has its own limit
+        bounded.check_file(path, at_most=2**63 - 1)  # each reader has its own limit
         suffix = path.suffix.lower()
         if suffix not in SUFFIXES:
             raise UserError(
@@ -374,7 +369,7 @@ def open_footage(path: Path, unit: frames.Unit | None = None) -> frames.Footage:
                     "pictures), linear (proportional to light) or cd/m2 (luminance)"
                 )
             try:
-                values = mapped_array(path)  # read frame by frame
+                values = bounded.mapped_array(path)  # read frame by frame
             except Exception:  # a damaged header can raise anything
                 raise DamagedFileError(
                     f"{path} is not a complete array of numbers; write it with numpy.save"

@@ -16,7 +16,6 @@ from megalopta.scenes.scene import Lighting, SkyPattern
 
 _DISTANCE_M = 1e6
 """Distance of the points that represent directions."""
-_LEAST_SINE = 1e-6
 
 
 class SkyPatterns:
@@ -93,7 +92,7 @@ class BrightDirections:
         return self._texels.pdf(texel, active) * self._texels_per(direction.z)
 
     def _texels_per(self, z: Any) -> Any:
-        sine = dr.maximum(dr.safe_sqrt(1 - z * z), _LEAST_SINE)
+        sine = dr.maximum(dr.safe_sqrt(1 - z * z), 1e-6)
         return self._rows * self._columns / (2 * dr.pi**2 * sine)
 
 

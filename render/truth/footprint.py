@@ -143,8 +143,6 @@ def _spread(flow: Floats, hidden: Mask, weights: Floats, pixel: Ints, count: int
 # The square clipped by three lines.
 _SQUARE = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
 _MOST_CORNERS = 8
-# Within this distance of an edge, in px, a ray may be on either side.
-_ON_EDGE_PX = 1e-4
 
 
 def ray_weights(
@@ -228,7 +226,7 @@ def _covered(  # type: ignore[no-untyped-def]
                 for edge in range(3):
                     inner = min(inner, lines[edge, 0] + lines[edge, 1] * x + lines[edge, 2] * y)
                 hits[ray] += inner > 0
-                is_sure[ray] &= abs(inner) > _ON_EDGE_PX
+                is_sure[ray] &= abs(inner) > 1e-4  # px from the edge: it may be on either side
             area[pixel] += _clipped_area(lines, polygon, clipped)
         for ray in range(rays):
             if is_sure[ray] and hits[ray] != is_near[pixel, ray]:

@@ -15,14 +15,8 @@ from numpy.typing import NDArray
 
 from megalopta.core.arrays import Floats, Ints, Mask
 from megalopta.core.compiling import compiled
+from megalopta.render.loading import scene as loading
 from megalopta.render.loading.meshes import MergedMesh, MovingMesh
-from megalopta.render.loading.scene import (
-    SceneRays,
-    load_mesh,
-    move_meshes,
-    of_shapes,
-    visibility_limits,
-)
 from megalopta.render.truth.moving import MovingTriangles
 from megalopta.scenes import Shutter
 from megalopta.scenes.cameras.base import Camera
@@ -198,8 +192,6 @@ def same_side(triangle, at_rest, faces, vertices, seen, way):  # type: ignore[no
     return is_same
 
 
-# A frame, the next and the previous one.
-_MOST_MOMENTS = 3
 # Beyond this relative difference the float32 hit is right: the ray grazes its triangle and misses
 # it in float64.
 _GRAZING = 1e-4
@@ -228,9 +220,9 @@ class Geometry:
         still = (mesh.vertices for mesh in meshes[:at_rest])
         self._vertices = np.concatenate([np.zeros((0, 3), np.float32), *still])
         # Objects at rest share their buffers with the rendered scene.
-        self.still = of_shapes(loaded.shapes()[:at_rest]) if self._moving else loaded
-        self._rays = SceneRays(self.still)
-        self._moments: dict[float, tuple[SceneRays, NDArray[np.float32]]] = {}
+        self.still = loading.of_shapes(loaded.shapes()[:at_rest]) if self._moving else loaded
+        self._rays = loading.SceneRays(self.still)
+        self._moments: dict[float, tuple[loading.SceneRays, NDArray[np.float32]]] = {}
         # Its own surface would be a new kind of surface, and kernels would be compiled anew.
         self._surface = loaded.shapes()[0].bsdf() if self._moving else None
 
@@ -314,7 +306,7 @@ class Geometry:
         if isinstance(time_s, float):
             return hidden | self._at(time_s)[0].is_hidden(origin, directions, distances)
         starts = np.broadcast_to(origin, directions.shape)
-        limits = visibility_limits(distances)
+        limits = loading.visibility_limits(distances)
         return hidden | (self._rolling.nearest(starts, directions, time_s, limits)[1] >= 0)
 
     def carried(self, surface: Surface, time_s: Times) -> Floats:
@@ -380,22 +372,24 @@ class Geometry:
         v = _dot(np.cross(edges[0], inside), perpendicular) / area
         return np.stack([u, v], axis=1)
 
-    def _at(self, time_s: float) -> tuple[SceneRays, NDArray[np.float32]]:
+    def _at(self, time_s: float) -> tuple[loading.SceneRays, NDArray[np.float32]]:
         """Moving objects at a time, and their vertices (V, 3)."""
         if time_s in self._moments:
             return self._moments[time_s]
         vertices = [mesh.vertices_at(time_s) for mesh in self._moving]
-        if len(self._moments) < _MOST_MOMENTS:
+        if len(self._moments) < 3:  # a frame, the next and the previous one
             bare = (
                 replace(mesh, vertices=places, normals=None, uv=None)
                 for places, mesh in zip(vertices, self._moving, strict=True)
             )
-            loaded = [load_mesh(mesh, mesh_bsdf=self._surface) for mesh in bare]
-            rays = SceneRays(of_shapes(loaded))
+            loaded = [loading.load_mesh(mesh, mesh_bsdf=self._surface) for mesh in bare]
+            rays = loading.SceneRays(loading.of_shapes(loaded))
         else:
             farthest = max(self._moments, key=lambda moment: abs(moment - time_s))
             rays = self._moments.pop(farthest)[0]
-            move_meshes(rays.scene, {n: (places, None) for n, places in enumerate(vertices)})
+            loading.move_meshes(
+                rays.scene, {n: (places, None) for n, places in enumerate(vertices)}
+            )
         self._moments[time_s] = rays, np.concatenate(vertices)
         return self._moments[time_s]
 

@@ -16,15 +16,8 @@ from megalopta.core.arrays import Floats, Ints
 from megalopta.core.compiling import compiled
 from megalopta.render.loading.meshes import MovingMesh
 
-_CLUSTER = 64
-"""Triangles per cluster."""
 _STEP_S, _FEWEST_STEPS, _MOST_STEPS = 0.01, 4, 64
 """Time between the moments of a box, and limits of their number."""
-_PADDING = 0.1
-"""Extension of a time span at both ends, so that it serves similar queries."""
-_BOUNDS_KEPT = 4
-_NARROW = 0.5
-"""Smallest cosine between the rays of a bundle and its axis."""
 _BITS = 10
 """Bits of a position along an axis, in the order of clusters."""
 
@@ -60,7 +53,7 @@ class MovingTriangles:
         rank = np.arange(len(motion_of)) - np.repeat(
             begins, np.diff(np.append(begins, len(motion_of)))
         )
-        starts = np.flatnonzero(rank % _CLUSTER == 0)
+        starts = np.flatnonzero(rank % 64 == 0)  # triangles per cluster
         self._first_face = np.append(starts, len(order))
         self._motion_of = motion_of[starts]
         # Each cluster has its own vertices, in sequence.
@@ -105,9 +98,7 @@ class MovingTriangles:
                 shift = np.repeat(first[:-1] - self._first_vertex[clusters], np.diff(first_face))
                 corners, number = moved[self._faces[faces] + shift[:, None]], self._triangle[faces]
                 far = distance[members]
-                met = _meet(
-                    across, directions[members], axes, sides, corners - start, far,
-                )  # fmt: skip
+                met = _meet(across, directions[members], axes, sides, corners - start, far)
                 hit = met >= 0
                 distance[members], triangle[members[hit]] = far, number[met[hit]]
         return distance, triangle
@@ -127,7 +118,7 @@ class MovingTriangles:
         for bounds in self._bounds_kept:
             if bounds.start_s <= start_s and end_s <= bounds.end_s:
                 return bounds
-        padding = _PADDING * (end_s - start_s) + 1e-6
+        padding = 0.1 * (end_s - start_s) + 1e-6  # serves similar queries
         start_s, end_s = start_s - padding, end_s + padding
         steps = math.ceil((end_s - start_s) / _STEP_S)
         count = min(max(steps, _FEWEST_STEPS), _MOST_STEPS) + 1
@@ -144,7 +135,7 @@ class MovingTriangles:
                 longest = np.maximum(longest, ways)
             before = places
         bounds = ClusterBounds(start_s, end_s, low - longest, high + longest)
-        self._bounds_kept = [bounds, *self._bounds_kept[: _BOUNDS_KEPT - 1]]
+        self._bounds_kept = [bounds, *self._bounds_kept[:3]]  # the last 4 are kept
         return bounds
 
 
@@ -173,7 +164,7 @@ def _bundles(directions: Floats, rays: Ints) -> Iterator[tuple[Ints, Floats, Flo
     mean = unit.mean(axis=0)
     across = np.linalg.eigh(np.einsum("ni,nj->ij", unit - mean, unit - mean))[1]
     length = np.linalg.norm(mean)
-    if length == 0 or (unit @ mean).min() < _NARROW * length:
+    if length == 0 or (unit @ mean).min() < 0.5 * length:  # rays over 60° off the axis
         side = (unit - mean) @ across[:, 2] > 0
         yield from _bundles(directions, rays[side])
         yield from _bundles(directions, rays[~side])

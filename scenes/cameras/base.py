@@ -25,10 +25,8 @@ class Camera(Record, frozen=True):
 
     kind: str
     """Kind of camera."""
-
     width: Pixels
     """Columns (px)."""
-
     height: Pixels
     """Rows (px)."""
 
@@ -152,7 +150,6 @@ class LensCamera(Camera, frozen=True):
     )
     """Diameter of the lens's opening (mm), its focal length over its f-number; default: a pinhole,
     to which everything is sharp."""
-
     focus_m: Annotated[float, Field(gt=0)] | None = Field(
         default=None, exclude_if=lambda distance: distance is None
     )

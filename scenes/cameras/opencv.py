@@ -40,22 +40,16 @@ class OpenCVCamera(LensCamera, frozen=True):
     """Calibrated camera: OpenCV's matrix, and the distortion of its lens or fisheye."""
 
     kind: Literal["opencv"] = "opencv"
-
     fx_px: Annotated[float, Field(gt=0)]
     """Focal length along rows (px)."""
-
     fy_px: Annotated[float, Field(gt=0)]
     """Focal length along columns (px)."""
-
     cx_px: float
     """Column of the principal point (px); 0 is the center of the first pixel, as in OpenCV."""
-
     cy_px: float
     """Row of the principal point (px); 0 is the center of the first pixel, as in OpenCV."""
-
     distortion: tuple[float, ...] = ()
     """k1, k2, p1, p2, k3, and for OpenCV's rational model k4, k5, k6; default: none."""
-
     fisheye: tuple[float, ...] = ()
     """k1, k2, k3, k4 of OpenCV's fisheye model instead; default: no fisheye."""
 

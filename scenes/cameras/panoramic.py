@@ -19,16 +19,12 @@ class PanoramicCamera(Camera, frozen=True):
 
     width: Pixels = 720
     """Columns (px)."""
-
     height: Pixels = 360
     """Rows (px)."""
-
     fov_deg: Annotated[float, Field(ge=1e-3, le=360)] = 360.0
     """Horizontal field of view (degrees of azimuth); at 360 the image wraps around."""
-
     is_cylinder: ClassVar[bool]
     """True if rows are equidistant in the tangent of elevation instead of elevation."""
-
     lower_deg: float
     upper_deg: float
 
@@ -104,7 +100,6 @@ class EquirectangularCamera(PanoramicCamera, frozen=True):
 
     lower_deg: Annotated[float, Field(ge=-90, le=90)] = -90.0
     """Elevation at the lower edge of the image (degrees)."""
-
     upper_deg: Annotated[float, Field(ge=-90, le=90)] = 90.0
     """Elevation at the upper edge of the image (degrees)."""
 
@@ -120,9 +115,7 @@ class CylindricalCamera(PanoramicCamera, frozen=True):
 
     height: Pixels = 230
     """Rows (px)."""
-
     lower_deg: Annotated[float, Field(gt=-90, lt=90)] = -45.0
     """Elevation at the lower edge of the image (degrees)."""
-
     upper_deg: Annotated[float, Field(gt=-90, lt=90)] = 45.0
     """Elevation at the upper edge of the image (degrees)."""

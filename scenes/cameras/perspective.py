@@ -14,13 +14,10 @@ class PerspectiveCamera(LensCamera, frozen=True):
     """Pinhole camera with square pixels and the principal point at the image center."""
 
     kind: Literal["perspective"] = "perspective"
-
     width: Pixels = 120
     """Columns (px)."""
-
     height: Pixels = 120
     """Rows (px)."""
-
     fov_deg: Annotated[float, Field(ge=1e-3, lt=180)] = 75.0
     """Horizontal field of view (degrees)."""
 

@@ -12,22 +12,9 @@ from scipy.spatial import cKDTree
 
 from megalopta.scenes.base import SceneDescription
 from megalopta.scenes.cameras.base import Camera
+from megalopta.scenes.forest import planting, specimens
 from megalopta.scenes.forest.floor import even_ground, kept_floor, laid, make_land, trail_of
 from megalopta.scenes.forest.flora import BUSHES, LAYERS, LODS, PRESETS, TREES
-from megalopta.scenes.forest.planting import (
-    BELT_M,
-    THICKET_PER_M2,
-    Planting,
-    dense_path,
-    tree_positions,
-)
-from megalopta.scenes.forest.specimens import (
-    RING_M,
-    grow_specimens,
-    in_leaf,
-    materials,
-    plant_assets,
-)
 from megalopta.scenes.forest.sway import Wind, swaying
 from megalopta.scenes.light import Light
 from megalopta.scenes.scene import Asset, Haze, Placement, Scene
@@ -66,18 +53,17 @@ def foreseen(forest: "Forest", path_m: float) -> tuple[float, float]:
     # The stand reaches to the R where area(R) − area(clearance) holds its trees.
     half = path_m / np.pi
     edge = float(np.sqrt(half**2 + (forest.trees / per_m2 + area(clearance_m)) / np.pi) - half)
-    end = edge + BELT_M
-    begins = np.maximum(
-        0, forest.detail**2 * np.array([o.beyond_m for o in LODS]) ** 2 - CROWN_M**2
-    )
-    limits = [*np.minimum(np.sqrt(begins), end).tolist(), end]
+    end = edge + planting.BELT_M
+    beyond_m2 = np.square([level.beyond_m for level in LODS])
+    begins = np.sqrt(np.maximum(0, forest.detail**2 * beyond_m2 - CROWN_M**2))
+    limits = [*np.minimum(begins, end).tolist(), end]
     planted = [area(far) - area(clearance_m) if far > clearance_m else 0.0 for far in limits]
     counts = per_m2 * np.diff(planted)
     leaf_m2 = (forest.leaf_area_index or TREE_LEAF_M2 * per_m2) / per_m2
     merged = np.array([max(level.detail.leaf_m2, LEAF_M2) for level in LODS])
     leaves = leaf_m2 / merged * np.where(np.arange(len(LODS)) > 0, 1, 2)
     triangles = np.array([level.wood_triangles for level in LODS]) + leaves
-    bushes = THICKET_PER_M2 * (area(end) - area(edge - 7))
+    bushes = planting.THICKET_PER_M2 * (area(end) - area(edge - 7))
     bush = triangles[np.searchsorted(limits[1:-1], edge)] / 8
     small = CLUMPED * sum(
         density * area(min(LAYERS[kind].reach_m, edge))
@@ -229,36 +215,36 @@ def build_forest(forest: Forest, path_xy: ArrayLike, heading: ArrayLike = (1.0, 
     if points.ndim != 2 or points.shape[1] != 2 or not len(points) or not np.isfinite(points).all():
         raise ValueError(f"path_xy: shape {points.shape}; give finite positions of shape (n, 2)")
     check_stand(forest, float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum()))
-    way = dense_path(points)
+    way = planting.dense_path(points)
     path = cKDTree(way)
     stand = forest.trees, forest.density_per_ha, forest.clearance_m
     trail = trail_of(forest, way, np.asarray(heading, dtype=float))
-    trees, edge_m = tree_positions(forest.seed, *stand, path, trail)
+    trees, edge_m = planting.tree_positions(forest.seed, *stand, path, trail)
     land = make_land(forest.seed, path, forest.relief_m, edge_m)
     is_even = not (forest.floor_relief_m or forest.moss_share or forest.path_width_m)
     floor = None if is_even else kept_floor(forest, land, trail, trees, edge_m)
     height = floor.height if floor else land.height
-    planting = Planting(forest.seed, path, height, forest.detail, trail)
+    planted = planting.Planting(forest.seed, path, height, forest.detail, trail)
     placements: tuple[Placement, ...] = (
         Placement("ground", "ground", np.eye(4)),
-        *planting.trees(forest.mix, forest.age_spread, forest.height_spread, trees),
-        *planting.thicket(forest.densities_per_m2, edge_m),
-        *planting.undergrowth(forest.densities_per_m2, edge_m),
+        *planted.trees(forest.mix, forest.age_spread, forest.height_spread, trees),
+        *planted.thicket(forest.densities_per_m2, edge_m),
+        *planted.undergrowth(forest.densities_per_m2, edge_m),
     )
     litter: dict[str, Asset] = {}
     if floor:
         placements, litter = laid(forest.seed, placements, floor)
     names = {placement.asset for placement in placements} - litter.keys() - {"ground"}
-    grow = partial(grow_specimens, forest.seed, names, bark_relief=forest.bark_relief)
+    grow = partial(specimens.grow_specimens, forest.seed, names, bark_relief=forest.bark_relief)
     if forest.leaf_area_index:
-        ring_m = forest.clearance_m, forest.clearance_m + RING_M
+        ring_m = forest.clearance_m, forest.clearance_m + specimens.RING_M
         indices = forest.leaf_area_index, TREE_LEAF_M2 * forest.density_per_ha / 1e4
-        specimens, share = in_leaf(*indices, grow, placements, path, ring_m)
+        grown, share = specimens.in_leaf(*indices, grow, placements, path, ring_m)
     else:
-        specimens, share = grow(), 1.0
-    assets = plant_assets(forest.seed, specimens, share) | litter
+        grown, share = grow(), 1.0
+    assets = specimens.plant_assets(forest.seed, grown, share) | litter
     assets["ground"] = floor.asset() if floor else even_ground(forest.ground, land, edge_m)
     if forest.wind:
         placements = tuple(swaying(placements, assets, {*TREES, *BUSHES}, forest.wind))
-    surfaces = materials(forest.seed, assets, forest.bark_relief > 0)
+    surfaces = specimens.materials(forest.seed, assets, forest.bark_relief > 0)
     return Scene(surfaces, assets, placements)

@@ -71,10 +71,10 @@ class Coat:
     """RMS slope of the interface's facets; None: dull."""
 
     @classmethod
-    def of_leaves(cls, dark: Leaf, light: Leaf, texture: str, gloss: float = 0.35) -> "Coat":
+    def of_leaves(cls, dark: Leaf, light: Leaf, texture: str) -> "Coat":
         """Return the coat of leaves, which transmit light."""
         through = dark.transmittance, light.transmittance
-        return cls((dark.reflectance, light.reflectance), texture, through, gloss)
+        return cls((dark.reflectance, light.reflectance), texture, through, gloss=0.35)
 
 
 @dataclass(frozen=True)

@@ -16,16 +16,7 @@ from megalopta.assets_gen.scatter import distance_to, poisson_disk
 from megalopta.assets_gen.tileable_noise import plane_waves
 from megalopta.assets_gen.trail import Trail
 from megalopta.core.arrays import Floats
-from megalopta.scenes.forest.flora import (
-    BUSHES,
-    HEIGHTS,
-    LAYERS,
-    LITTER,
-    LODS,
-    PLANTS,
-    TREES,
-    Plant,
-)
+from megalopta.scenes.forest import flora
 from megalopta.scenes.forest.specimens import INDIVIDUALS
 from megalopta.scenes.scene import Placement
 
@@ -128,10 +119,11 @@ class Planting:
         names = sorted(mix)
         shares = np.array([mix[name] for name in names])
         plants = [
-            TREES[names[i]] for i in rng.choice(len(names), len(points), p=shares / shares.sum())
+            flora.TREES[names[i]]
+            for i in rng.choice(len(names), len(points), p=shares / shares.sum())
         ]
         deviation = rng.standard_normal(len(points)).clip(-2, 2)
-        away = (np.array(HEIGHTS) - 1) / max(age_spread, 1e-3)
+        away = (np.array(flora.HEIGHTS) - 1) / max(age_spread, 1e-3)
         ages = np.exp(-(away**2) / 2)  # a normal distribution around the mean
         heights = 1 + height_spread * deviation
         return self._place(plants, points, heights, rng, ages / ages.sum())
@@ -145,18 +137,18 @@ class Planting:
         ring = (edge_m - 7, edge_m + BELT_M)
         points = _strewn(self.path, ring, ring[1], THICKET_PER_M2, 0.6, rng)
         points = self._beside_trail(points, 0.0)
-        low = {name for name, bush in BUSHES.items() if bush.shape.height_m < 6.0}
+        low = {name for name, bush in flora.BUSHES.items() if bush.shape.height_m < 6.0}
         low_shares = {kind: share for kind, share in per_m2.items() if kind in low and share > 0}
         shares = low_shares or THICKET
         weights = np.array(list(shares.values()))
         kinds = rng.choice(list(shares), len(points), p=weights / weights.sum()).tolist()
-        plants = [PLANTS[kind] for kind in kinds]
+        plants = [flora.PLANTS[kind] for kind in kinds]
         return self._place(plants, points, 0.5 + 1.9 * rng.random(len(points)) ** 1.5, rng)
 
     def undergrowth(self, per_m2: Mapping[str, float], edge_m: float) -> Iterator[Placement]:
         """Scatter every kind at its density."""
         for kind, density in per_m2.items():
-            layer, rng = LAYERS[kind], generator(self.seed, "undergrowth", kind)
+            layer, rng = flora.LAYERS[kind], generator(self.seed, "undergrowth", kind)
             ring = (layer.clearance_m, min(layer.reach_m, edge_m - 2))
             if density > 0:
                 points = _strewn(self.path, ring, ring[1], density, 0.6, rng)
@@ -164,10 +156,10 @@ class Planting:
                 patches = plane_waves((3.0, 14.0), 1.0, 24, rng)
                 kept = rng.random(len(points)) < 0.5 + 0.5 * np.tanh(1.2 * patches(points))
                 points = points[kept]
-                if kind != LITTER:
+                if kind != flora.LITTER:
                     points = self._beside_trail(points, layer.clearance_m)
                 scales = rng.uniform(*layer.scale, len(points))
-                plants = [PLANTS[kind]] * len(points)
+                plants = [flora.PLANTS[kind]] * len(points)
                 yield from self._place(plants, points, scales, rng)
 
     def _beside_trail(self, points: Floats, from_middle_m: float) -> Floats:
@@ -178,7 +170,7 @@ class Planting:
 
     def _place(
         self,
-        plants: Sequence[Plant],
+        plants: Sequence[flora.Plant],
         points: Floats,
         scales: Floats,
         rng: np.random.Generator,
@@ -188,7 +180,7 @@ class Planting:
         finer = np.array([plant.detail_distance for plant in plants])
         lowest = np.array([plant.leaves_from_m for plant in plants]) * scales - EYE_M
         away = np.hypot(distance_to(self.path, points), np.maximum(lowest, 0))
-        limits = [level.beyond_m * self.detail for level in LODS[1:]]
+        limits = [level.beyond_m * self.detail for level in flora.LODS[1:]]
         levels = np.searchsorted(limits, away / finer)
         kinds = INDIVIDUALS if shares is None else len(shares)
         numbers = rng.choice(kinds, len(points), p=shares).tolist()
@@ -206,7 +198,7 @@ class Planting:
         to_world[:, :3, 3] = np.column_stack([points, heights])
         tones = (rng.integers(TONES, size=len(points)) / TONES).tolist()
         for index, plant in enumerate(plants):
-            asset = f"{plant.name} {numbers[index]} {LODS[levels[index]].name}"
+            asset = f"{plant.name} {numbers[index]} {flora.LODS[levels[index]].name}"
             yield Placement(asset, plant.name, to_world[index], leaf_shift=tones[index])
 
     def _slopes(self, points: Floats) -> Floats:

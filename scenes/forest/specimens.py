@@ -26,32 +26,21 @@ from megalopta.assets_gen.scatter import distance_to
 from megalopta.core.array_store import ArrayStore
 from megalopta.core.arrays import Floats, Mask
 from megalopta.core.freshness import code_digest, digest
-from megalopta.scenes.forest.flora import (
-    COVERS,
-    HEIGHTS,
-    LODS,
-    PLANTS,
-    SMALL,
-    LodLevel,
-    Organs,
-    Small,
-    Woody,
-)
+from megalopta.scenes.forest import flora
 from megalopta.scenes.material import Material, Texture
 from megalopta.scenes.scene import Asset, Placement
 
-_MOST_BYTES = 2 * 10**9
 _FIELDS = tuple(field.name for field in fields(Surface))
 
 
 def grown(
     seed: int,
-    plant: Woody | Small,
+    plant: flora.Woody | flora.Small,
     number: int,
-    lods: Sequence[LodLevel],
+    lods: Sequence[flora.LodLevel],
     fullness: int = 1,
     bark_relief: float = 0.0,
-) -> list[Organs]:
+) -> list[flora.Organs]:
     """Return the organs of an individual at each of some levels of detail.
 
     Woody plants have `fullness` times their species' leaves, and furrows `bark_relief` times as
@@ -69,9 +58,9 @@ def grown(
             for organs in fields_of
         ]
     rng = generator(seed, "plant", plant.name, number)
-    organs_of: list[Organs] = []
-    if isinstance(plant, Woody):
-        shape = plant.shape if plant.layer else aged(plant.shape, HEIGHTS[number])
+    organs_of: list[flora.Organs] = []
+    if isinstance(plant, flora.Woody):
+        shape = plant.shape if plant.layer else aged(plant.shape, flora.HEIGHTS[number])
         furrows = None
         if bark_relief and (relief := shape.relief):
             furrows = Furrows(texture(seed, relief.pattern), bark_relief * relief.depth_m)
@@ -113,7 +102,7 @@ def texture(seed: int, pattern: str) -> NDArray[np.float32]:
 def store_of(*values: str | int) -> ArrayStore:
     """Return the cache for arrays that depend on some values and on the code that makes forests."""
     folder = user_cache_path("megalopta", appauthor=False) / "plants"
-    return ArrayStore(folder, digest(_model(), repr(values)), _MOST_BYTES)
+    return ArrayStore(folder, digest(_model(), repr(values)), 2 * 10**9)  # most bytes
 
 
 @cache
@@ -130,7 +119,7 @@ have one for each class of height."""
 
 def grow_specimens(
     seed: int, names: Iterable[str], fullness: int = 1, bark_relief: float = 0.0
-) -> dict[str, Organs]:
+) -> dict[str, flora.Organs]:
     """Grow the named specimens; every individual grows once for all its levels of detail.
 
     Trees and bushes have `fullness` times their leaves, and furrows `bark_relief` times as deep as
@@ -140,10 +129,10 @@ def grow_specimens(
     for name in names:
         kind, number, level = name.rsplit(" ", 2)
         levels.setdefault((kind, int(number)), set()).add(level)
-    specimens: dict[str, Organs] = {}
+    specimens: dict[str, flora.Organs] = {}
     for (kind, individual), drawn in sorted(levels.items()):
-        plant, lods = PLANTS[kind], [lod for lod in LODS if lod.name in drawn]
-        full = fullness if isinstance(plant, Woody) else 1
+        plant, lods = flora.PLANTS[kind], [lod for lod in flora.LODS if lod.name in drawn]
+        full = fullness if isinstance(plant, flora.Woody) else 1
         organs_of = grown(seed, plant, individual, lods, full, bark_relief)
         for lod, organs in zip(lods, organs_of, strict=True):
             specimens[f"{kind} {individual} {lod.name}"] = organs
@@ -151,13 +140,13 @@ def grow_specimens(
 
 
 def plant_assets(
-    seed: int, specimens: Mapping[str, Organs], leaf_share: float = 1.0
+    seed: int, specimens: Mapping[str, flora.Organs], leaf_share: float = 1.0
 ) -> dict[str, Asset]:
     """Return the assets of grown specimens; trees and bushes keep a share of their leaves."""
     assets = {}
     for name, organs in specimens.items():
-        plant = PLANTS[name.rsplit(" ", 2)[0]]
-        if isinstance(plant, Woody) and leaf_share < 1:
+        plant = flora.PLANTS[name.rsplit(" ", 2)[0]]
+        if isinstance(plant, flora.Woody) and leaf_share < 1:
             rng = generator(seed, "leaf share", name)
             organs = {**organs, "leaf": some_leaves(organs["leaf"], leaf_share, rng)}
         assets[name] = Asset(
@@ -170,10 +159,10 @@ def materials(
     seed: int, assets: Mapping[str, Asset], has_furrows: bool = False
 ) -> dict[str, Material]:
     """Return the materials of all parts of the assets, bark with furrows or without."""
-    result, coats = {}, {f"{cover} ground": coat for cover, coat in COVERS.items()}
-    for plant in PLANTS.values():
+    result, coats = {}, {f"{cover} ground": coat for cover, coat in flora.COVERS.items()}
+    for plant in flora.PLANTS.values():
         coats |= {plant.part(organ): coat for organ, coat in plant.coats.items()}
-        if has_furrows and isinstance(plant, Woody) and (relief := plant.shape.relief):
+        if has_furrows and isinstance(plant, flora.Woody) and (relief := plant.shape.relief):
             coats[plant.part("bark")] = replace(plant.coats["bark"], texture=relief.pattern)
     for part in sorted({part for asset in assets.values() for part in asset.parts}):
         coat = coats[part]
@@ -204,11 +193,11 @@ def ground_area(path: cKDTree, ring_m: tuple[float, float]) -> float:
 def in_leaf(
     leaf_area_index: float,
     natural: float,
-    grow: Callable[[int], Mapping[str, Organs]],
+    grow: Callable[[int], Mapping[str, flora.Organs]],
     placements: Sequence[Placement],
     path: cKDTree,
     ring_m: tuple[float, float],
-) -> tuple[Mapping[str, Organs], float]:
+) -> tuple[Mapping[str, flora.Organs], float]:
     """Return specimens and the share of leaves to keep for a leaf-area index in a ring of a path.
 
     `grow` returns all specimens for a factor on their species' leaves: 1, or 2 or 4 if that is too
@@ -220,10 +209,10 @@ def in_leaf(
         name: list(members) for name, members in groupby(ordered, lambda placement: placement.asset)
     }
 
-    def grown_to(fullness: int) -> tuple[Mapping[str, Organs], float]:
+    def grown_to(fullness: int) -> tuple[Mapping[str, flora.Organs], float]:
         specimens, area = grow(fullness), 0.0
         for name, members in of_asset.items():
-            if name not in specimens or members[0].kind in SMALL:
+            if name not in specimens or members[0].kind in flora.SMALL:
                 continue
             to_world = np.stack([placement.to_world for placement in members])
             leaves = specimens[name]["leaf"]

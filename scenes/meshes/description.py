@@ -44,31 +44,25 @@ class Meshes(SceneDescription, frozen=True):
     """Your own scene, from files of meshes."""
 
     kind: Literal["meshes"] = "meshes"
-
     is_made_for_camera: ClassVar[bool] = False
     max_depth: ClassVar[int] = 64  # a closed white room of albedo 0.8 lacks 3 % of its light at 16
-
     files: Annotated[
         tuple[Annotated[SceneFile, _by_path], ...], _as_list, Field(min_length=1, max_length=1000)
     ]
     """Mesh files: paths, or mappings with `file` and its scale, axes and place."""
-
     materials: dict[str, Reflectance] = Field(
         default={},
         description="Reflectances in place of colors, by the name of a material, or of an object "
         "without one: a number, the same at every wavelength (1); a CSV file with "
         "wavelength_nm,reflectance; or the name of a surface of forests.",
     )
-
     reflectance: Share = 0.5
     """Reflectance, the same at every wavelength, of surfaces that have no color in their file
     (1)."""
-
     lights: Literal["own", "file"] = Field(default="own", exclude_if=lambda lights: lights == "own")
     """Light on the scene. own: the configuration's `light`. file: only the area lights of Mitsuba's
     XML, and the lamps and emission of glTF; `light.level` then names their level, from which other
     levels are scaled."""
-
     ground: Reflectance | None = None
     """Reflectance of a level ground below all files, as in `materials`; null: no ground."""
 

@@ -18,17 +18,12 @@ from megalopta.core.bounded import check_count, check_decoded, quoted
 from megalopta.core.errors import DamagedFileError
 from megalopta.scenes.meshes import animation, gltf_file, gltf_surfaces
 from megalopta.scenes.meshes.gltf_file import GltfFile, Json, extension, parts_of
-from megalopta.scenes.meshes.gltf_surfaces import Looks, light_of, pictures_of, unused_of
 from megalopta.scenes.meshes.pieces import MOST_OBJECTS, Piece, Unused, check_map, check_triangles
 from megalopta.scenes.scene import Lamp
 
 LIGHTS = "KHR_lights_punctual"
 _TRIANGLES, _STRIP, _FAN, _REPEAT = 4, 5, 6, 10497
 _SHARES, _MOST_SETS, _MOST_BONES = "weights", 4, 1000
-_POSE_BYTES = 400
-"""Memory of the pose of a joint at a time, with its copies."""
-_MOST_STEPS = 100_000
-"""Most nodes on the ways from the scene's root to all moving meshes."""
 
 Part = tuple[Piece, Json, Mapping[str, NDArray[Any]]]
 """Piece of a primitive, and its entry and attributes."""
@@ -40,7 +35,9 @@ def names_in(name: str, content: bytes) -> list[str]:
         return []
     header, _ = parts_of(content)
     materials = header.get("materials", ())
-    textures = (entry for material in materials for entry in pictures_of(material).values())
+    textures = (
+        entry for material in materials for entry in gltf_surfaces.pictures_of(material).values()
+    )
     images = [header["images"][gltf_file.image_of(header, texture)] for texture in textures]
     buffers = [entry for entry in header.get("buffers", ()) if not gltf_file.stands_in(entry)]
     uris = [entry["uri"] for entry in [*buffers, *images] if "uri" in entry]
@@ -55,7 +52,7 @@ def pieces_of(contents: Mapping[str, bytes], used: Collection[str] = ()) -> Iter
     file, plays = GltfFile(contents), "animation" in used
     for things in ("nodes", "meshes", "materials", "textures", "images", "skins", "buffers"):
         check_count(file.name, things, len(file.header.get(things, ())), MOST_OBJECTS)
-    nodes, looks = _Nodes(file, plays), Looks(file, "lights" in used)
+    nodes, looks = _Nodes(file, plays), gltf_surfaces.Looks(file, "lights" in used)
     count, size, is_moving = 0, 0, False
     for number, pose in nodes.poses.items():
         if "mesh" not in nodes.entries[number]:
@@ -96,7 +93,7 @@ def unused(contents: Mapping[str, bytes], used: Collection[str] = ()) -> Iterato
     yield from (("other scenes", name) for n, (name, _) in enumerate(scenes) if n != shown)
     yield from (("animations", name) for name, _ in clips[playing:])
     for name, material in named("material", "materials"):
-        yield from ((feature, name) for feature in unused_of(material, shines))
+        yield from ((feature, name) for feature in gltf_surfaces.unused_of(material, shines))
     for name, mesh in named("mesh", "meshes"):
         for part in mesh["primitives"]:
             if part.get("mode", _TRIANGLES) < _TRIANGLES:
@@ -129,7 +126,7 @@ def lamps_of(contents: Mapping[str, bytes]) -> list[Lamp]:
             angles = cone.get("innerConeAngle", 0.0), cone.get("outerConeAngle", math.pi / 4)
             if kind not in ("point", "spot", "directional") or not 0 <= angles[0] < angles[1] < 1.6:
                 raise ValueError(f"node {number} is a lamp of type {quoted(kind)}, or of no angle")
-            shining = light_of(color, float(lamp.get("intensity", 1.0)))
+            shining = gltf_surfaces.light_of(color, float(lamp.get("intensity", 1.0)))
             lamps.append(Lamp(kind, shining, pose, tuple(np.degrees(angles).tolist())))
     return lamps
 
@@ -201,7 +198,7 @@ class _Nodes:
             for step in chain[::-1]:
                 order.setdefault(step, len(order))
         self._steps += len(order)
-        check_count(self._name, "nodes above moving ones", self._steps, _MOST_STEPS)
+        check_count(self._name, "nodes above moving ones", self._steps, 100_000)
         above = tuple(order.get(self._above.get(step, -1), -1) for step in order)
         at_bones, skeletons = np.array([order[bone] for bone in bones]), []
         played: list[Mapping[int, animation.Joint]] = [{}]
@@ -210,7 +207,7 @@ class _Nodes:
             skeleton = animation.Skeleton(joints, above, at_bones, to_bone)
             keys = [track.times_s for joint in joints for track in joint.values()]
             times = np.unique(np.concatenate(keys))
-            check_decoded(self._name, (len(times), len(order) + len(bones)), _POSE_BYTES)
+            check_decoded(self._name, (len(times), len(order) + len(bones)), 400)  # bytes of a pose
             if not np.isfinite(skeleton.maps(times)).all():
                 raise ValueError("its animation leads to places that are not finite")
             skeletons.append(skeleton)
@@ -236,13 +233,13 @@ def _figure(file: GltfFile, number: int, parts: list[Part], nodes: _Nodes) -> li
     bones, to_bone, sets = [number], np.eye(4)[np.newaxis], list[int]()
     if "skin" in node:
         skin = file.header["skins"][node["skin"]]
-        bones, given = skin["joints"], {name for _, _, values in parts for name in values}
+        bones, attributes = skin["joints"], {name for _, _, values in parts for name in values}
         check_count(file.name, "joints of a skin", len(bones), _MOST_BONES)
         to_bone = np.tile(np.eye(4), (len(bones), 1, 1))
         if "inverseBindMatrices" in skin:
             columns = file.values(skin["inverseBindMatrices"])[: len(bones)]
             to_bone = columns.reshape(len(bones), 4, 4).swapaxes(1, 2)
-        sets = [n for n in range(_MOST_SETS) if f"JOINTS_{n}" in given]
+        sets = [n for n in range(_MOST_SETS) if f"JOINTS_{n}" in attributes]
     ends = np.cumsum([len(piece.vertices) for piece, _, _ in parts])
     rows = [slice(end - len(part[0].vertices), end) for end, part in zip(ends, parts, strict=True)]
     shapes = max(len(entry.get("targets", ())) for _, entry, _ in parts)
@@ -297,10 +294,10 @@ def _is_colored(header: Json, part: Json) -> bool:
     """True if a primitive has colors of its vertices, and no picture or shapes."""
     material = header["materials"][part["material"]] if "material" in part else {}
     has_colors = "COLOR_0" in part["attributes"] and part.get("mode", _TRIANGLES) >= _TRIANGLES
-    return has_colors and not (pictures_of(material) or part.get("targets"))
+    return has_colors and not (gltf_surfaces.pictures_of(material) or part.get("targets"))
 
 
-def _parts(file: GltfFile, number: int, looks: Looks) -> Iterator[Part]:
+def _parts(file: GltfFile, number: int, looks: gltf_surfaces.Looks) -> Iterator[Part]:
     """Yield the piece of each part of a node's mesh with triangles, in its axes."""
     sets = [f"{kind}_{n}" for kind in ("JOINTS", "WEIGHTS") for n in range(_MOST_SETS)]
     node = file.header["nodes"][number]

@@ -17,10 +17,6 @@ from megalopta.core.bounded import check_decoded, from_json, quoted
 
 _TYPES = {5120: "i1", 5121: "u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
 _WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}
-_VALUE_BYTES = 24
-"""Memory of a value that an accessor reads, with its copies."""
-_DRACO_BYTES = 1000
-"""Memory of a triangle that Draco decodes, with all attributes of its corners."""
 DRACO = "KHR_draco_mesh_compression"
 MESHOPT = "EXT_meshopt_compression", "KHR_meshopt_compression"
 PICTURES = "KHR_texture_basisu", "EXT_texture_webp"
@@ -141,7 +137,7 @@ class GltfFile:
 
     def _read(self, entry: Json, shape: tuple[int, int], component: int) -> NDArray[Any]:
         kind = np.dtype(_TYPES[component])
-        check_decoded(self.name, shape, _VALUE_BYTES)
+        check_decoded(self.name, shape, 24)  # bytes, with copies
         if "bufferView" not in entry:
             return np.zeros(shape, kind)
         step = self.header["bufferViews"][entry["bufferView"]].get("byteStride")
@@ -175,7 +171,7 @@ class GltfFile:
             triangles = _draco_triangles(content)
             if triangles != corners / 3:
                 raise ValueError(f"Draco's data hold {triangles} triangles, not {corners / 3:g}")
-            check_decoded(self.name, (triangles,), _DRACO_BYTES)
+            check_decoded(self.name, (triangles,), 1000)  # bytes of a triangle, with its corners
             import DracoPy
 
             self._decoded[view] = DracoPy.decode(content)

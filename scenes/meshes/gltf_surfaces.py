@@ -25,12 +25,6 @@ _NAMES = (
 )
 EFFECTIVE = tuple(f"KHR_materials_{name}" for name in _NAMES)
 """Extensions of materials that have an effect."""
-_SPECULAR = 0.08
-"""Share of light that surfaces reflect head-on for a `specular` of 1 (Mitsuba's `principled`)."""
-_MEAN_COAT = 0.086
-"""Share of even light that a clearcoat reflects, and what is below does not get."""
-_GLOSS = 0.1, 0.001
-"""Widths of the highlight of clearcoats with a gloss of 0 and of 1 (Mitsuba's `principled`)."""
 
 Image = NDArray[np.float32]
 """Values (H, W, C) over the uv square, row 0 at v = 0, or (1, 1, C) that are the same all over."""
@@ -163,7 +157,8 @@ class Looks:
             rough = 1 - values("metal", gloss.get("glossinessFactor", 1.0), 3)
         else:
             color = np.clip(np.asarray(model.get("baseColorFactor", np.ones(3))[:3]), 0, 1)
-            color = color * (1 - _MEAN_COAT * float(coat.get("clearcoatFactor", 0)))
+            # a coat reflects 8.6 % of even light
+            color = color * (1 - 0.086 * float(coat.get("clearcoatFactor", 0)))
             base = values("color", color, range(3))
             rough = values("metal", model.get("roughnessFactor", 1.0), 1)
             metal = values("metal", model.get("metallicFactor", 1.0), 2)
@@ -181,14 +176,14 @@ class Looks:
         is_solid = _of(material, "volume").get("thicknessFactor", 0) > 0
         ior = float(_of(material, "ior").get("ior", 1.5)) or 1.5
         share = values("specular", _of(material, "specular").get("specularFactor", 1), 3)
-        low, high = _GLOSS
+        low, high = 0.1, 0.001  # widths of highlights of gloss 0 and 1, in Mitsuba's `principled`
         width = values("coat's roughness", coat.get("clearcoatRoughnessFactor", 0), 1) ** 2
         shares = {
             "roughness": rough,
             "metallic": metal,
             "clearcoat": coated,
             "clearcoat_gloss": ((low - width) / (low - high)).clip(0, 1),
-            "specular": (((ior - 1) / (ior + 1)) ** 2 * share / _SPECULAR).clip(1e-3, 1),
+            "specular": (((ior - 1) / (ior + 1)) ** 2 * share / 0.08).clip(1e-3, 1),  # as Mitsuba's
         }
         if through.any():
             shares = {"eta": np.full((1, 1, 1), ior, np.float32), "spec_trans": through, **shares}

@@ -11,7 +11,7 @@ from types import ModuleType
 
 from pydantic import model_validator
 
-from megalopta.core.bounded import TEXT_BYTES, named_path, quoted, read_bytes, undamaged, unreadable
+from megalopta.core import bounded
 from megalopta.core.errors import DamagedFileError
 from megalopta.scenes.hashed_file import Hashed
 from megalopta.scenes.meshes import gltf, mitsuba_xml, polygons, serialized, wavefront
@@ -76,8 +76,8 @@ def _hash(contents: Contents) -> str:
 
 def _contents(path: str) -> Contents:
     main, reader = Path(path).name, FORMATS.get(Path(path).suffix.lower(), polygons)
-    with unreadable(path):
-        contents = {main: read_bytes(path, MESH_BYTES)}
+    with bounded.unreadable(path):
+        contents = {main: bounded.read_bytes(path, MESH_BYTES)}
     left = MESH_BYTES - len(contents[main])
     waiting = [main]
     while waiting:
@@ -85,11 +85,11 @@ def _contents(path: str) -> Contents:
         if name not in contents:
             if name.lower().endswith(".mtl") and not os.path.lexists(Path(path).parent / name):
                 continue  # its materials are names
-            at_most = TEXT_BYTES if name.lower().endswith(".mtl") else left
+            at_most = bounded.TEXT_BYTES if name.lower().endswith(".mtl") else left
             contents[name] = _beside(path, name, min(left, at_most))
             left -= len(contents[name])
         if hasattr(reader, "names_in"):
-            with undamaged(path, REPAIR):
+            with bounded.undamaged(path, REPAIR):
                 names = reader.names_in(name, contents[name])
             waiting += [named for named in names if named not in contents]
     return contents
@@ -98,16 +98,16 @@ def _contents(path: str) -> Contents:
 def _beside(path: str, name: str, at_most: int) -> bytes:
     """Content of a file in the folder of another one, which names it."""
     try:
-        place = named_path(name, Path(path).parent)
+        place = bounded.named_path(name, Path(path).parent)
     except ValueError:
         raise DamagedFileError(
-            f"{path} names {quoted(name)}, which is not in its folder; put that file next to it, "
-            "and let it name only that"
+            f"{path} names {bounded.quoted(name)}, which is not in its folder; put that file next "
+            "to it, and let it name only that"
         ) from None
     try:
-        return read_bytes(place, at_most)
+        return bounded.read_bytes(place, at_most)
     except OSError as problem:
         raise DamagedFileError(
-            f"{path} names {quoted(name)}, which cannot be read ("
+            f"{path} names {bounded.quoted(name)}, which cannot be read ("
             f"{(problem.strerror or str(problem)).lower()}); put it there, or do not name it"
         ) from None

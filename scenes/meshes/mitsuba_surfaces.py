@@ -32,8 +32,6 @@ _WHITE = SPECTRA["D65"].scaled(1 / 98.9974)
 _USUAL = Element("spectrum", value="0.5")
 """Mitsuba's reflectance of a surface that states none."""
 _SPECTRUM_BYTES, _MOST_VALUES = 4 * 10**6, 10_000
-_GRAY = 0.5
-"""Reflectance of surfaces that are not diffuse, for viewers that know none."""
 _MOST_PARTS = 200
 """Most plug-ins of one surface, which may name each other many times."""
 _NAME, _WORD = re.compile("(?!(type|id)$)[a-z][a-z0-9_]{0,40}"), re.compile("[A-Za-z0-9 _-]{0,40}")
@@ -74,7 +72,8 @@ class Surfaces:
             if side.get("type") == "diffuse" and (coat := self._diffuse(side, name)):
                 return coat
             finish = self._finish(bsdf, name)
-            surface = Material(flat(_GRAY), known_nm=finish.known_nm, finish=finish)
+            # viewers that know no finish show gray
+            surface = Material(flat(0.5), known_nm=finish.known_nm, finish=finish)
             return PlacedPaint(Paint(name, surface), np.eye(3))
         except _NotKeptError as problem:
             return PlacedPaint(Paint(name, refused=str(problem)), np.eye(3))
@@ -106,9 +105,9 @@ class Surfaces:
         is_raw = all(value_of(texture, "boolean", "raw") == "true" for texture in textures)
         if kind in ("bumpmap", "normalmap") and not is_raw:
             raise _NotKeptError(f"a {kind} whose texture is no raw bitmap")
-        for number, each in enumerate(given):
-            part = self._document.resolved(each)
-            name = each.get("name") or part.get("name") or f"part_{number}"
+        for number, element in enumerate(given):
+            part = self._document.resolved(element)
+            name = element.get("name") or part.get("name") or f"part_{number}"
             if not _NAME.fullmatch(name):
                 raise _NotKeptError(f"with a parameter {quoted(name)!r}")
             if (kind, name) == ("bitmap", "filename"):

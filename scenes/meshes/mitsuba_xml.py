@@ -13,17 +13,9 @@ import numpy as np
 from megalopta.assets_gen import grid_faces
 from megalopta.core.bounded import check_count, quoted
 from megalopta.core.errors import DamagedFileError
-from megalopta.scenes.meshes import polygons, serialized, wavefront
+from megalopta.scenes.meshes import polygons, serialized, wavefront, xml_document as xml
 from megalopta.scenes.meshes.mitsuba_surfaces import Surfaces, content_of
 from megalopta.scenes.meshes.pieces import MOST_OBJECTS, Piece, Unused, check_triangles
-from megalopta.scenes.meshes.xml_document import (
-    Document,
-    Element,
-    numbers_in,
-    plain,
-    transform_of,
-    value_of,
-)
 
 _FILES = {"obj": wavefront, "ply": polygons, "serialized": serialized}
 _UNUSED = "emitter", "film", "integrator", "medium", "phase", "sensor", "volume"
@@ -36,12 +28,12 @@ _VALUES = ("boolean", "float", "integer", "point", "string", "vector")
 def names_in(name: str, content: bytes) -> list[str]:
     """Names of the files of shapes and of their surfaces."""
     names = []
-    for element in Document(content).root.iter() if name.lower().endswith(".xml") else ():
+    for element in xml.Document(content).root.iter() if name.lower().endswith(".xml") else ():
         if element.tag == "texture" or (element.tag == "shape" and element.get("type") in _FILES):
-            names.append(value_of(element, "string", "filename"))
+            names.append(xml.value_of(element, "string", "filename"))
         elif element.tag == "spectrum":
             names.append(element.get("filename", ""))
-    return [plain(name) for name in names if name]
+    return [xml.plain(name) for name in names if name]
 
 
 def pieces_of(contents: Mapping[str, bytes], used: Collection[str] = ()) -> Iterator[Piece]:
@@ -50,7 +42,7 @@ def pieces_of(contents: Mapping[str, bytes], used: Collection[str] = ()) -> Iter
     If "lights" are used, area lights shine, and others are refused.
     """
     owner, total = next(iter(contents)), 0
-    document = Document(contents[owner])
+    document = xml.Document(contents[owner])
     for light in document.parts(document.root, "emitter") if "lights" in used else ():
         if (kind := light.get("type", "")) != "area":  # which shines where a shape refers to it
             raise DamagedFileError(
@@ -63,12 +55,12 @@ def pieces_of(contents: Mapping[str, bytes], used: Collection[str] = ()) -> Iter
         for piece in _painted(document, contents, surfaces, shape, "lights" in used):
             total += len(piece.faces)
             check_triangles(owner, total)
-            yield replace(piece, number=number).moved(transform_of(shape))
+            yield replace(piece, number=number).moved(xml.transform_of(shape))
 
 
 def unused(contents: Mapping[str, bytes], used: Collection[str] = ()) -> Iterator[Unused]:
     """Yield what has no effect, if "lights" are used or not. Raises any exception."""
-    document = Document(next(iter(contents.values())))
+    document = xml.Document(next(iter(contents.values())))
     for part in document.root:
         is_lamp = part.tag == "emitter" and part.get("type") == "area"  # of shapes that name it
         if part.tag in _UNUSED and not is_lamp:
@@ -82,14 +74,14 @@ def unused(contents: Mapping[str, bytes], used: Collection[str] = ()) -> Iterato
 
 
 def _painted(
-    document: Document,
+    document: xml.Document,
     contents: Mapping[str, bytes],
     surfaces: Surfaces,
-    shape: Element,
+    shape: xml.Element,
     shines: bool,
 ) -> Iterator[Piece]:
     """Yield the pieces of a shape with its surface, before its pose."""
-    kind, file = shape.get("type", ""), plain(value_of(shape, "string", "filename"))
+    kind, file = shape.get("type", ""), xml.plain(xml.value_of(shape, "string", "filename"))
     name = shape.get("id") or PurePosixPath(file).stem or kind
     for part in map(document.resolved, shape):
         if part.tag not in _OF_SHAPES + _VALUES:
@@ -103,11 +95,11 @@ def _painted(
     if shines and document.parts(shape, "emitter"):
         paint = replace(paint, radiance=surfaces.radiance(shape, name))
     is_flat, is_flipped = (
-        value_of(shape, "boolean", f"{name}_normals") == "true" for name in ("face", "flip")
+        xml.value_of(shape, "boolean", f"{name}_normals") == "true" for name in ("face", "flip")
     )
     if kind in _FILES:
         content = {f"{PurePosixPath(file).stem}.{kind}": content_of(contents, file)}
-        index = {"index": int(value_of(shape, "integer", "shape_index") or 0)}
+        index = {"index": int(xml.value_of(shape, "integer", "shape_index") or 0)}
         pieces = [*_FILES[kind].pieces_of(content, **index if kind == "serialized" else {})]
     else:
         pieces = [_basic(kind, shape)]
@@ -131,18 +123,18 @@ _ROUND = 96
 """Sides of round shapes: facets are up to 1.1e-3 of the radius below a sphere."""
 
 
-def _basic(kind: str, shape: Element) -> Piece:
+def _basic(kind: str, shape: xml.Element) -> Piece:
     """Return one of Mitsuba's own shapes, with its uv. Raises ValueError for others."""
     points = {
         element.get("name"): np.array([float(element.get(axis, "0")) for axis in "xyz"])
         if "value" not in element.attrib
-        else numbers_in(element.attrib["value"])
+        else xml.numbers_in(element.attrib["value"])
         for element in shape
         if element.tag in ("point", "vector")
     }
     import trimesh  # slow
 
-    radius, label = float(value_of(shape, "float", "radius") or 1), shape.get("id") or kind
+    radius, label = float(xml.value_of(shape, "float", "radius") or 1), shape.get("id") or kind
     if not 0 < radius < math.inf:
         raise ValueError(f"shape {quoted(label)!r} has radius {radius:g}, which is not above 0")
     rows = 1 + (_ROUND // 2 if kind == "sphere" else 1)

@@ -36,16 +36,12 @@ class PlacedMesh(Record, frozen=True):
     file: MeshFile
     """Path, in YAML below the file's folder, of a GLB, glTF, OBJ, PLY or STL file, or of
     Mitsuba's XML or serialized."""
-
     scale: Annotated[float, Field(gt=0)] = 1.0
     """Length of the file's unit (m): 0.001 for millimeters."""
-
     up: Literal["y", "z"] | None = None
     """Axis of the file that is up; null: z for PLY and STL, y for all others."""
-
     position_m: Vector = (0.0, 0.0, 0.0)
     """Place of the file's origin (x, y, z in m; z is up)."""
-
     turn_deg: Vector = (0.0, 0.0, 0.0)
     """Turns about the world's x, then y, then z (degrees)."""
 

@@ -18,7 +18,6 @@ _PLY_BYTES = {
     **dict.fromkeys(("double", "float64"), 8),
 }
 _STL_HEADER = 84
-_STL_TRIANGLE_BYTES = 50
 
 
 def stated(name: str, content: bytes) -> tuple[int, int, int]:
@@ -27,7 +26,7 @@ def stated(name: str, content: bytes) -> tuple[int, int, int]:
         counts = _ply_counts(content)
         return counts.get("vertex", 0), counts.get("face", 0), 1
     triangles = int.from_bytes(content[_STL_HEADER - 4 : _STL_HEADER], "little")
-    if len(content) != _STL_HEADER + _STL_TRIANGLE_BYTES * triangles:
+    if len(content) != _STL_HEADER + 50 * triangles:  # bytes of a triangle
         if not content.lstrip()[:5].lower() == b"solid":
             raise ValueError(
                 f"it states {triangles} triangles, which do not fit its {len(content)} bytes"

@@ -5,7 +5,7 @@ from typing import Annotated, Any
 
 from pydantic import BeforeValidator, Field, ValidationInfo, model_validator
 
-from megalopta.core.bounded import folder_of, named_path, quoted, read_bytes, unreadable
+from megalopta.core import bounded
 from megalopta.core.curve_file import curve_of
 from megalopta.core.record import Record
 from megalopta.scenes.material import Material
@@ -22,7 +22,6 @@ class Curve(Record, frozen=True):
 
     wavelengths_nm: Annotated[tuple[float, ...], Field(min_length=2)]
     """Increasing wavelengths (nm)."""
-
     values: Annotated[tuple[Share, ...], Field(min_length=2)]
     """Reflectance at each wavelength (1)."""
 
@@ -38,14 +37,14 @@ class Curve(Record, frozen=True):
 
 def _read(given: Any, validation: ValidationInfo) -> Any:
     if isinstance(given, str) and given.lower().endswith(".csv"):
-        path = named_path(given, folder_of(validation))
-        with unreadable(path):
-            return curve_of(read_bytes(path), str(path), "reflectance")
+        path = bounded.named_path(given, bounded.folder_of(validation))
+        with bounded.unreadable(path):
+            return curve_of(bounded.read_bytes(path), str(path), "reflectance")
     is_share = isinstance(given, int | float) and 0 <= given <= 1
     if is_share or isinstance(given, Mapping | Curve) or given in NAMES:
         return given
     raise ValueError(
-        f"{quoted(given)!r} is no reflectance; give a number from 0 to 1, a CSV file with "
+        f"{bounded.quoted(given)!r} is no reflectance; give a number from 0 to 1, a CSV file with "
         f"wavelength_nm,reflectance, or one of {', '.join(NAMES)}"
     )
 

@@ -15,16 +15,7 @@ from numpy.typing import NDArray
 from megalopta.core.arrays import Floats, Ints
 from megalopta.core.bounded import check_decoded, quoted
 from megalopta.core.errors import DamagedFileError
-from megalopta.scenes.meshes.pieces import (
-    TEXT_BYTES,
-    Paint,
-    Piece,
-    Unused,
-    check_pictures,
-    colored,
-    linear_picture,
-    weights_of,
-)
+from megalopta.scenes.meshes import pieces
 from megalopta.scenes.spectra.color import linear_of_srgb
 
 _NAMING = re.compile(rb"^[ \t]*(?:mtllib|map_kd)[ \t]+([^\r\n]+)", re.IGNORECASE | re.MULTILINE)
@@ -49,7 +40,7 @@ def names_in(name: str, content: bytes) -> list[str]:
 
 def stated(name: str, content: bytes) -> tuple[int, int, int]:
     """Vertices, triangles and objects of a file, at least."""
-    check_decoded(name, (len(content),), TEXT_BYTES)
+    check_decoded(name, (len(content),), pieces.TEXT_BYTES)
     lines = Counter(line[1].lower() for line in _COUNTED.finditer(content))
     return lines[b"v"], lines[b"f"], lines[b"o"] + lines[b"g"] + lines[b"usemtl"]
 
@@ -70,7 +61,7 @@ def _beside(name: str, other: str) -> str:
     return str(PurePosixPath(name).parent / other.replace("\\", "/"))
 
 
-def pieces_of(contents: Mapping[str, bytes], used: Collection[str] = ()) -> Iterator[Piece]:
+def pieces_of(contents: Mapping[str, bytes], used: Collection[str] = ()) -> Iterator[pieces.Piece]:
     """Yield the pieces of a file's objects, with the names alone of materials without MTL file.
 
     Raises any exception if the file is damaged.
@@ -97,7 +88,7 @@ def pieces_of(contents: Mapping[str, bytes], used: Collection[str] = ()) -> Iter
         elif key == "mtllib":
             libraries.append(_beside(name, value))
     positions, coordinates, normals = tables = [_table(lines) for lines in lists.values()]
-    paints: dict[str | None, Paint] = {}
+    paints: dict[str | None, pieces.Paint] = {}
     pictures: dict[str, NDArray[np.float32]] = {}
     for library in filter(contents.__contains__, libraries):
         for statements in _materials(contents[library]):
@@ -107,10 +98,12 @@ def pieces_of(contents: Mapping[str, bytes], used: Collection[str] = ()) -> Iter
             if "map_kd" in statements:
                 file = _beside(library, statements["map_kd"])
                 if file not in pictures:
-                    pictures[file] = linear_picture(contents[file], title)
+                    pictures[file] = pieces.linear_picture(contents[file], title)
                 picture = pictures[file]
-            paints[title] = Paint(title, colored(color, picture))
-            check_pictures(name, weights_of(paint.material for paint in paints.values()))
+            paints[title] = pieces.Paint(title, pieces.colored(color, picture))
+            pieces.check_pictures(
+                name, pieces.weights_of(paint.material for paint in paints.values())
+            )
     numbers: dict[str, int] = {}
     for (label, material), written in faces.items():
         number = numbers.setdefault(label, len(numbers))
@@ -122,12 +115,12 @@ def pieces_of(contents: Mapping[str, bytes], used: Collection[str] = ()) -> Iter
         keys = np.ravel_multi_index(tuple(np.moveaxis(corners, -1, 0)), sizes)
         combinations, of_corner = np.unique(keys, return_inverse=True)
         place, of_uv, of_normal = (index - 1 for index in np.unravel_index(combinations, sizes))
-        yield Piece(
+        yield pieces.Piece(
             number,
             label or PurePosixPath(name).stem,
             positions[place, :3],
             of_corner.reshape(-1, 3),
-            paints.get(material) or Paint(material),
+            paints.get(material) or pieces.Paint(material),
             normals[of_normal] if (of_normal >= 0).all() else None,
             coordinates[of_uv, :2] if (of_uv >= 0).all() else None,
         )
@@ -178,7 +171,7 @@ def _materials(content: bytes) -> list[dict[str, str]]:
     return materials
 
 
-def unused(contents: Mapping[str, bytes], used: Collection[str] = ()) -> Iterator[Unused]:
+def unused(contents: Mapping[str, bytes], used: Collection[str] = ()) -> Iterator[pieces.Unused]:
     """Yield what has no effect. Raises any exception if the file is damaged."""
     content = next(iter(contents.values()))
     yield from (("statements", word.decode()) for word in sorted({*_UNREAD.findall(content)}))

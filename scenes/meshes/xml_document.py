@@ -19,9 +19,7 @@ Element = ElementTree.Element
 _MOST_BYTES = 16 * 10**6
 _MOST_ELEMENTS = 10**6
 _DEEPEST = 40
-_MOST_FILLED = 16 * 10**6
 _CAPITAL = re.compile(r"(?<=[a-z])([A-Z])")
-_WORD = re.compile(r"\$(\w+)")
 
 
 class Document:
@@ -64,11 +62,11 @@ class Document:
         def default(found: re.Match[str]) -> str:
             text = defaults.get(found[1], found[0])
             self._filled += len(text)
-            if self._filled > _MOST_FILLED:
+            if self._filled > 16 * 10**6:  # characters filled in
                 raise ValueError(f"it fills {quoted(value)!r} with too long a text")
             return text
 
-        return _WORD.sub(default, value)
+        return re.sub(r"\$(\w+)", default, value)
 
 
 def _scene(content: bytes) -> Element:

@@ -123,12 +123,11 @@ V_NM = 545.0
 S10 = 1.193e-11
 """Radiance at V, W·m⁻²·sr⁻¹·nm⁻¹: 27.78 mag·arcsec⁻² with 3.631e-8 W·m⁻²·µm⁻¹ at magnitude 0."""
 STARS_S10, ZODIACAL_S10 = 105.0, 96.0
-_STAR_K = 4500.0
 
 
 def _starlight() -> Spectrum:
     grid = np.array(WAVELENGTHS_NM)
-    stars, zodiacal = planckian(_STAR_K), ABOVE_ATMOSPHERE(grid) * _reddening(grid)
+    stars, zodiacal = planckian(4500.0), ABOVE_ATMOSPHERE(grid) * _reddening(grid)  # K, of stars
     at_v = float(ABOVE_ATMOSPHERE(V_NM) * _reddening(np.array(V_NM)))
     above = STARS_S10 * stars(grid) / float(stars(V_NM)) + ZODIACAL_S10 * zodiacal / at_v
     return Spectrum.of(WAVELENGTHS_NM, S10 * above * transmission())
@@ -142,16 +141,13 @@ STARLIGHT = _starlight()
 """Mean radiance of the sky on the ground, W·m⁻²·sr⁻¹·nm⁻¹."""
 
 
-_FIRST_NM = 890.0
 _STEP_NM = 20.0
 _SI = 1e-8
 """Factor from nW·cm⁻²·sr⁻¹·µm⁻¹ to W·m⁻²·sr⁻¹·nm⁻¹."""
 
 # A mean holds between edges, except for 1 nm, as interpolation would move light out of bands.
 _HALF_NM = _STEP_NM / 2 - 0.5
-_INFRARED_NM = (
-    _FIRST_NM + _STEP_NM * np.arange(len(TABLES["night"]))[:, None] + [-_HALF_NM, _HALF_NM]
-)
+_INFRARED_NM = 890.0 + _STEP_NM * np.arange(len(TABLES["night"]))[:, None] + [-_HALF_NM, _HALF_NM]
 
 MOONLESS_ZENITH = Spectrum.of(
     [*TABLES["night visible nm"], *_INFRARED_NM.ravel()],
@@ -173,12 +169,11 @@ AIRGLOW = Spectrum.of(
 
 
 OPTICAL_THICKNESS = 30.0
-_DROPLET_M = 8e-6
 _FORWARD = 0.86
 
 
 def _color() -> Spectrum:
-    absorbed = 0.85 * 100 * np.array(TABLES["water"]) * _DROPLET_M
+    absorbed = 0.85 * 100 * np.array(TABLES["water"]) * 8e-6  # m, droplets
     without = 1 / (1 + math.sqrt(3) * (1 - _FORWARD) / 2 * OPTICAL_THICKNESS)
     # Transmitted share of diffuse light, by the absorbed share 1 − ω.
     scattered = 1 - absorbed

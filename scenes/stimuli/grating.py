@@ -12,20 +12,10 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import numpy as np
 from pydantic import Field
 
-from megalopta.assets_gen import generator
-from megalopta.assets_gen.grating import (
-    GratingVariant,
-    Pattern,
-    bars,
-    moving_cycles,
-    open_cylinder,
-    random_dots,
-    sine_grating,
-)
+from megalopta.assets_gen import generator, grating as patterns
 from megalopta.core.arrays import Floats
-from megalopta.scenes.base import SceneDescription
+from megalopta.scenes.base import SceneDescription, kind_of
 from megalopta.scenes.cameras.base import Camera
-from megalopta.scenes.kinds import kind_of
 from megalopta.scenes.light import Light
 from megalopta.scenes.material import Emission, Material
 from megalopta.scenes.scene import Asset, Placement, Scene
@@ -40,7 +30,7 @@ _RADIUS_M = 10.0
 _TEXELS = 4096
 _STEEPEST_TANGENT = 4.0
 
-PATTERN_NAMES: Mapping[Pattern, str] = {
+PATTERN_NAMES: Mapping[patterns.Pattern, str] = {
     "sine_2d": "A 2-D sine grating",
     "sine": "A sine grating",
     "square": "A square-wave grating",
@@ -53,23 +43,17 @@ class Grating(SceneDescription, frozen=True):
     """Pattern on a cylinder around the camera: the 2-D sine grating, bars, or random dots."""
 
     kind: Literal["grating"] = "grating"
-
-    pattern: Pattern = "sine_2d"
+    pattern: patterns.Pattern = "sine_2d"
     """sine_2d: the grating of the flow benchmark; sine and square: vertical bars; dots: random
     disks of half a period's diameter that cover half of the wall."""
-
     contrast: Annotated[float, Field(ge=0, le=1)] = 0.9
     """Michelson contrast C."""
-
     cycles_per_frame: Annotated[float, Field(gt=0)] = 5.0
     """Spatial frequency f (cycles per horizontal field of view)."""
-
     phases_rad: tuple[float, float] = (0.0, 0.0)
     """Phases of the two factors of sine_2d; the first is that of bars (rad)."""
-
-    variant: GratingVariant = "periodic"
+    variant: patterns.GratingVariant = "periodic"
     """Variant of sine_2d. rot: as in the dissertation, √2·f moving cycles; periodic: exactly f."""
-
     seed: Annotated[int, Field(ge=0)] = 0
     """Random seed of the dots."""
 
@@ -91,7 +75,7 @@ class Grating(SceneDescription, frozen=True):
                 f"{camera.kind} camera looks past it: take a smaller field of view, in a panorama "
                 f"camera.lower_deg -{limit} and camera.upper_deg {limit}"
             )
-        cycles = moving_cycles(self.cycles_per_frame, self.variant, self.pattern)
+        cycles = patterns.moving_cycles(self.cycles_per_frame, self.variant, self.pattern)
         fov_deg = math.degrees(camera.view_rad)
         around = cycles * 360 / fov_deg
         # The pixel at the center spans the largest angle.
@@ -111,7 +95,7 @@ class Grating(SceneDescription, frozen=True):
             )
         half_height = 1.05 * camera.steepest_tangent
         pattern = _pattern(self, camera.view_rad, half_height)
-        wall = open_cylinder(_RADIUS_M, 2 * half_height * _RADIUS_M)
+        wall = patterns.open_cylinder(_RADIUS_M, 2 * half_height * _RADIUS_M)
         to_world = np.eye(4)
         to_world[:3, 3] = position_m
         return glowing("grating", wall, to_world, pattern, light)
@@ -150,12 +134,14 @@ def _pattern(grating: Grating, fov: float, half_height: float) -> Floats:
     cycles, contrast = grating.cycles_per_frame, grating.contrast
     if grating.pattern == "dots":
         size = (2 * half_height / fov * cycles, 2 * math.pi / fov * cycles)
-        return random_dots((rows, columns), size, contrast, generator(grating.seed, "dots"))
+        return patterns.random_dots(
+            (rows, columns), size, contrast, generator(grating.seed, "dots")
+        )
     if grating.pattern == "sine_2d":
-        return sine_grating(
+        return patterns.sine_grating(
             x[None, :], y[:, None], contrast, cycles, grating.phases_rad, grating.variant
         )
-    wave = bars(cycles * x, contrast, grating.phases_rad[0], grating.pattern == "square")
+    wave = patterns.bars(cycles * x, contrast, grating.phases_rad[0], grating.pattern == "square")
     return np.tile(wave, (4, 1))
 
 

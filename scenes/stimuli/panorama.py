@@ -23,14 +23,11 @@ class Panorama(SceneDescription, frozen=True):
     """Equirectangular picture, 2:1, as environment."""
 
     kind: Literal["panorama"] = "panorama"
-
     file: PictureFile
     """Path, in YAML below the file's folder, of an HDR, EXR (linear sRGB) or PNG (sRGB) file."""
-
     turn_deg: float = 0.0
     """Counterclockwise turn of the picture seen from above (degrees); at 0 its center is toward
     +x."""
-
     is_lit_from_outside: ClassVar[bool] = False
     has_surfaces: ClassVar[bool] = False
 

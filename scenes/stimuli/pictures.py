@@ -18,14 +18,7 @@ from megalopta.scenes.cameras.base import Camera
 from megalopta.scenes.hashed_file import HashedFile
 from megalopta.scenes.light import Light
 from megalopta.scenes.scene import Scene
-from megalopta.scenes.spectra.color import (
-    LUMINANCE_SHARES,
-    Bands,
-    band_means,
-    luminances,
-    primaries,
-    rebinned,
-)
+from megalopta.scenes.spectra import color
 from megalopta.scenes.spectra.spectrum import SPECTRA, Spectrum, SpectrumName, check_known, luminous
 from megalopta.scenes.trajectories.base import Path
 
@@ -45,7 +38,6 @@ class ColorsAsLight(Record, frozen=True):
 
     reflectance: Annotated[float, Field(gt=0, le=1)] = 0.18
     """Mean reflectance of the pictures: luminance is this share of illuminance over π."""
-
     spectrum: SpectrumName | Literal["light"] = "D65"
     """Spectrum of white: D65, the CIE standard daylight; equal_energy, the same at every
     wavelength; or that of the light."""
@@ -55,15 +47,19 @@ class ColorsAsLight(Record, frozen=True):
         level = light.resolved()
         if self.spectrum == "light":
             return level.spectrum()
-        color = SPECTRA[self.spectrum]
-        return color.scaled(level.illuminance_lux / luminous(color))
+        spectrum = SPECTRA[self.spectrum]
+        return spectrum.scaled(level.illuminance_lux / luminous(spectrum))
 
     def white_name(self, light: Light) -> str:
         """Name of the spectrum of white."""
         return (light.level if self.spectrum == "light" else self.spectrum).replace("_", " ")
 
     def radiance_of_unit(
-        self, light: Light, bands_nm: Bands, mean: ArrayLike, of_channels_nm: Bands | None = None
+        self,
+        light: Light,
+        bands_nm: color.Bands,
+        mean: ArrayLike,
+        of_channels_nm: color.Bands | None = None,
     ) -> Floats:
         """Band means (channels, B) of each channel with a value of 1, W·m⁻²·sr⁻¹·nm⁻¹.
 
@@ -73,32 +69,27 @@ class ColorsAsLight(Record, frozen=True):
         if of_channels_nm is None:
             name, remedy = f"white {self.white_name(light)!r}", "choose another `spectrum`, or "
             check_known(name, self.white(light).range_nm, bands_nm, remedy)
-            of_white = band_means(primaries(self.white(light)), bands_nm) / math.pi
-            return of_white * self.reflectance / float(np.dot(mean, LUMINANCE_SHARES))
-        lux = math.pi * float(np.dot(mean, luminances(of_channels_nm))) / self.reflectance
-        return rebinned(of_channels_nm, bands_nm) * (light.resolved().illuminance_lux / lux)
+            of_white = color.band_means(color.primaries(self.white(light)), bands_nm) / math.pi
+            return of_white * self.reflectance / float(np.dot(mean, color.LUMINANCE_SHARES))
+        lux = math.pi * float(np.dot(mean, color.luminances(of_channels_nm))) / self.reflectance
+        return color.rebinned(of_channels_nm, bands_nm) * (light.resolved().illuminance_lux / lux)
 
 
 class Pictures(ColorsAsLight, SceneDescription, frozen=True):
     """Your pictures, whose motion is unknown."""
 
     kind: Literal["pictures"] = "pictures"
-
     file: HashedFile
     """Path, in YAML below the file's folder, of a picture, a folder of pictures, a video, an
     animation or an array."""
-
     unit: Unit | None = None
     """Unit of the values: `srgb` codes, `linear` in light, or `cd/m2`; null: as stated by the file,
     such as a picture or video."""
-
     picture_rate_hz: Annotated[float, Field(gt=0, le=1e9)] | None = None
     """Pictures per second, for files without times; null: the frame rate."""
-
     between: Between = "hold"
     """Light between two pictures, also within an exposure: `hold` the earlier picture, `blend` both
     linearly, or move them along the `flow` that DIS estimates."""
-
     has_truth: ClassVar[bool] = False
     has_surfaces: ClassVar[bool] = False
 

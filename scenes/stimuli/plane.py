@@ -29,33 +29,23 @@ from megalopta.scenes.trajectories.base import Path
 _TEXELS = 1024
 _DOT_PERIODS = 32
 """Periods after which random dots repeat."""
-_MARGIN = 0.02
-"""Margin of the board beyond the visible part, relative to its size."""
-_STEEPEST = 0.05
-"""Smallest cosine between a ray and the board's normal."""
 
 
 class Plane(SceneDescription, frozen=True):
     """Flat board with a pattern in front of the camera."""
 
     kind: Literal["plane"] = "plane"
-
     pattern: Pattern = "sine"
     """sine and square: vertical bars; sine_2d: the sum of vertical and horizontal bars; dots:
     random disks of half a period's diameter that cover half of the board."""
-
     contrast: Annotated[float, Field(ge=0, le=1)] = 0.9
     """Michelson contrast C."""
-
     period_m: Annotated[float, Field(gt=0)] = 0.5
     """Period of the pattern on the board (m)."""
-
     phase_rad: float = 0.0
     """Phase of bars at the center of the first view (rad)."""
-
     distance_m: Annotated[float, Field(gt=0)] = 2.0
     """Distance from the first camera position to the board, along the first view (m)."""
-
     seed: Annotated[int, Field(ge=0)] = 0
     """Random seed of the dots."""
 
@@ -114,7 +104,7 @@ def seen_rectangle(camera: Camera, poses: Floats, distance_m: float) -> tuple[Fl
     rays = np.einsum("tij,nj->tni", to_first[:, :3, :3], rim)
     origins = to_first[:, None, :3, 3]
     ahead = distance_m - origins[..., 2]
-    for frame in np.flatnonzero((ahead[:, 0] <= 0) | (rays[..., 2].min(axis=1) < _STEEPEST)):
+    for frame in np.flatnonzero((ahead[:, 0] <= 0) | (rays[..., 2].min(axis=1) < 0.05)):  # cos 87°
         raise ValueError(
             f"trajectory: frame {frame} looks past the board at scene.distance_m {distance_m:g}; "
             "turn less, narrow the field of view, or move the board away"
@@ -122,7 +112,7 @@ def seen_rectangle(camera: Camera, poses: Floats, distance_m: float) -> tuple[Fl
     points = origins[..., :2] + rays[..., :2] / rays[..., 2:] * ahead[..., None]
     low, high = points.min(axis=(0, 1)), points.max(axis=(0, 1))
     # A pixel extends half its width beyond its center, twice that where the board is oblique.
-    margin = _MARGIN * (high - low) + 2 * distance_m / camera.focal_length_px
+    margin = 0.02 * (high - low) + 2 * distance_m / camera.focal_length_px
     radius, focus = camera.lens_m or (0.0, 1.0)
     margin += radius * (1 + ahead.max() / focus)
     return low - margin, high + margin
@@ -132,16 +122,12 @@ class MotionBench(SceneDescription, frozen=True):
     """Plate with straight edges that the sensor moves past."""
 
     kind: Literal["motion_bench"] = "motion_bench"
-
     pixel_pitch_um: Annotated[float, Field(gt=0)] = 60.0
     """Distance between pixels, measured on the plate (µm)."""
-
     plate_mm: Annotated[float, Field(gt=0)] = 10.0
     """Width of the plate along the row (mm)."""
-
     edge_mm: float = 1.0
     """Position of its near edge at the first frame, to the right of the row's middle (mm)."""
-
     shade: Annotated[float, Field(ge=0, le=1)] = 27 / 65
     """Light on a hidden pixel, relative to an open one (1)."""
 

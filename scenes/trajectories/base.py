@@ -24,7 +24,6 @@ class Mount(Record, frozen=True):
 
     position_m: tuple[_Offset, _Offset, _Offset] = (0.0, 0.0, 0.0)
     """Position to the right of, below and ahead of the path's camera (m)."""
-
     rotation_deg: tuple[_Degrees, _Degrees, _Degrees] = (0.0, 0.0, 0.0)
     """Rotation vector (degrees) about the path's camera axes right, down and forward: (0, 90, 0)
     looks to the right. Its direction is the axis, its length the angle."""
@@ -54,10 +53,8 @@ class Path(Record, frozen=True):
 
     frames: Annotated[int, Field(ge=1, le=1_000_000)] = 32
     """Number of frames."""
-
     frame_rate_hz: Annotated[float, Field(ge=1e-6, le=1e9)] = 10.0
     """Frames per second (Hz)."""
-
     mount: Mount | None = Field(default=None, exclude_if=lambda mount: mount is None)
     """Place of the camera on a rig that follows the path; by default, the path is the camera's."""
 
@@ -128,13 +125,10 @@ class Aimed(Path, frozen=True):
     """Path that starts from its own view."""
 
     kind: str
-
     position_m: Vector = (0.0, 0.0, 1.5)
     """Camera position at the first frame; with jitter, its mean (x, y, z in m; z is up)."""
-
     look_at_m: Vector = (10.0, 0.0, 1.5)
     """Point at the image center of the first frame; jitter is added (x, y, z in m; z is up)."""
-
     up: Vector = (0.0, 0.0, 1.0)
     """Direction that is up in the image; also the axis of a steady rotation."""
 

@@ -17,19 +17,14 @@ class Orbit(Path, frozen=True):
     """Level circle around a point, which stays at the image center."""
 
     kind: Literal["orbit"] = "orbit"
-
     center_m: Vector = (0.0, 0.0, 1.5)
     """Point at the image center (x, y, z in m; z is up)."""
-
     radius_m: Annotated[float, Field(gt=0)] = 5.0
     """Radius of the circle (m)."""
-
     height_m: float = 0.0
     """Height of the circle above the point (m)."""
-
     rate_deg_s: float = 10.0
     """Angular rate (degrees/s); positive is counterclockwise seen from above."""
-
     start_deg: float = 180.0
     """Position of the first frame on the circle (degrees from +x toward +y)."""
 
@@ -56,8 +51,6 @@ class Orbit(Path, frozen=True):
 
 _MARGIN = 0.04
 """Least distance of the scene from the image's border, over the size of the image"""
-_DISTANCES = np.geomspace(0.6, 1e5, 500)
-"""Distances that are tried, over half the scene's diagonal"""
 _AZIMUTHS = 16
 _DIGITS = 3
 
@@ -69,10 +62,8 @@ class Fit(Path, frozen=True):
     """
 
     kind: Literal["fit"] = "fit"
-
     elevation_deg: Annotated[float, Field(ge=-80, le=80)] = 20.0
     """Height of the camera above the scene's center, seen from there (degrees)."""
-
     rate_deg_s: float = 10.0
     """Angular rate (degrees/s); positive is counterclockwise seen from above."""
 
@@ -85,7 +76,7 @@ class Fit(Path, frozen=True):
         shared = {name: getattr(self, name) for name in ("frames", "frame_rate_hz", "mount")}
         x, y, z = (np.round(center / step) * step).round(12).tolist()
         elevation = np.radians(self.elevation_deg)
-        for distance in _DISTANCES * half:
+        for distance in np.geomspace(0.6, 1e5, 500) * half:  # in half diagonals of the scene
             orbit = Orbit(
                 **shared,
                 center_m=(x, y, z),
@@ -109,10 +100,6 @@ class Fit(Path, frozen=True):
     def __str__(self) -> str:
         """Camera motion."""
         return "circles the scene, all of which it sees"
-
-
-_FAR = 20.0
-"""Extent of a ground or a dome, over that of all that stands on it or in it."""
 
 
 def bounds_of(scene: Scene) -> Floats:
@@ -141,10 +128,9 @@ def bounds_of(scene: Scene) -> Floats:
     low, high = np.minimum.accumulate(bounds[:, 0]), np.maximum.accumulate(bounds[:, 1])
     covered_low = np.maximum.accumulate(bounds[::-1, 0, :2])[::-1]
     covered_high = np.minimum.accumulate(bounds[::-1, 1, :2])[::-1]
-    is_around = (covered_low[1:] <= low[:-1, :2]).all(1) & (covered_high[1:] >= high[:-1, :2]).all(
-        1
-    )
+    is_inside = (covered_low[1:] <= low[:-1, :2]) & (covered_high[1:] >= high[:-1, :2])
     sizes = lengths(bounds[:, 1] - bounds[:, 0])
-    is_around &= sizes[1:] > _FAR * lengths(high - low)[:-1]
+    # a ground or a dome is over 20 times as large as what stands on it or in it
+    is_around = is_inside.all(axis=1) & (sizes[1:] > 20.0 * lengths(high - low)[:-1])
     last = int(np.flatnonzero(is_around)[-1]) if is_around.any() else -1
     return np.stack([low[last], high[last]])

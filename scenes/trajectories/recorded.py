@@ -37,7 +37,6 @@ class Recorded(Path, frozen=True):
     """Six degrees of freedom from a file, whose content becomes part of the configuration."""
 
     kind: Literal["recorded"] = "recorded"
-
     csv: Annotated[str, BeforeValidator(recorded_text)]
     """Path of a CSV file with the columns t (s), x, y, z (m) and qx, qy, qz, qw (unit quaternion
     from camera axes, +x right, +y down, +z forward, to world axes); a header line is optional. It

@@ -17,10 +17,8 @@ class Trajectory(Aimed, frozen=True):
     """Steady rotation about `up` together with steady translation; either rate may be zero."""
 
     kind: Literal["steady"] = "steady"
-
     rotation_deg_s: float = 0.0
     """Turning rate about `up` (degrees/s); positive turns left, so that the image moves right."""
-
     velocity_m_s: Vector = (0.0, 0.0, 0.0)
     """Velocity (x, y, z in m/s)."""
 
@@ -53,16 +51,12 @@ class Hover(Aimed, frozen=True):
     """
 
     kind: Literal["hover"] = "hover"
-
     jitter_m: Annotated[float, Field(ge=0)] = 0.02
     """Root mean square of the position along each axis (m)."""
-
     jitter_deg: Annotated[float, Field(ge=0, le=30)] = 1.0
     """Root mean square of the angle about each camera axis (degrees)."""
-
     bandwidth_hz: Annotated[float, Field(gt=0)] = 2.0
     """Highest frequency of the jitter (Hz)."""
-
     seed: Annotated[int, Field(ge=0)] = 0
     """Random seed of the jitter."""
 

@@ -38,23 +38,12 @@ from megalopta.core.arrays import Floats, Ints
 from megalopta.sensor.contrast.passage import passage_tables, run_pixels
 from megalopta.sensor.optics import Efficiency, PixelOptics
 from megalopta.sensor.quantities import Exposure, histogram, in_order_of_time, joined
-from megalopta.sensor.sampling.streams import (
-    Draw,
-    generator,
-    light_key,
-    over_frames,
-    pixel_normals,
-    sensor_stream,
-)
+from megalopta.sensor.sampling import streams
 
 _ROWS_AT_ONCE, _FEW_PIXELS = 16, 2**12
 """Rows of a thread's task; fewer pixels are drawn in turn"""
-_MOST = 50_000_000
-"""Most events of a frame, about 2 GB while sorted"""
 _QUIET = 5.0
 """Distance from a threshold at which noise rarely passes it, σ"""
-_LEAST_THRESHOLD = 0.2
-"""Of the mean one, which bounds mismatch"""
 
 
 class ContrastSensor(PixelOptics, frozen=True):
@@ -103,14 +92,14 @@ class ContrastSensor(PixelOptics, frozen=True):
         """Thresholds of every pixel, ON and OFF, (2, rows, columns)."""
         means = np.array([self.threshold_on, self.threshold_off])[:, None, None]
         names = "contrast ON", "contrast OFF"
-        spread = np.array([pixel_normals(shape, self.device_seed, name) for name in names])
-        return np.maximum(means + self.threshold_sigma * spread, _LEAST_THRESHOLD * means)
+        spread = np.array([streams.pixel_normals(shape, self.device_seed, name) for name in names])
+        return np.maximum(means + self.threshold_sigma * spread, 0.2 * means)  # least thresholds
 
 
 def expose_frames(
     detections_hz: ArrayLike,
     sensor: ContrastSensor,
-    draw: Draw,
+    draw: streams.Draw,
     reading: str = "counts",
     state: Floats | None = None,
 ) -> tuple[Any, Floats | None]:
@@ -134,13 +123,13 @@ def expose_frames(
     lights = _log_light(detections_hz, sensor, state)
     frames, _, rows, columns = lights.shape
     thresholds = sensor.thresholds((rows, columns))
-    stream, streams = sensor_stream(draw.stream, sensor, np.zeros((1, 1))), []
+    stream, drawn = streams.sensor_stream(draw.stream, sensor, np.zeros((1, 1))), []
     for number, light in enumerate(lights, draw.first_frame):
-        key = draw.seed, "contrast", stream, light_key(np.exp(light)), number
-        state = _start(light[0], sensor, generator(*key)) if state is None else state
+        key = draw.seed, "contrast", stream, streams.light_key(np.exp(light)), number
+        state = _start(light[0], sensor, streams.generator(*key)) if state is None else state
         times_s, codes, state = _draw_frame(light, thresholds, sensor, key, state)
-        streams.append(in_order_of_time(times_s, codes))
-    events = joined(streams, (frames, rows, columns), draw.first_frame)
+        drawn.append(in_order_of_time(times_s, codes))
+    events = joined(drawn, (frames, rows, columns), draw.first_frame)
     is_on = (events.pixel & 1).astype(np.bool_)
     events = replace(events, pixel=events.pixel // np.uint32(2), polarity=is_on)
     if reading == "events":
@@ -203,13 +192,13 @@ def _draw_frame(
     pixel = tuple(getattr(sensor, name) for name in names)
     part_s, (rows, columns) = sensor.exposure_s / (len(light) - 1), light.shape[1:]
     starts, after, pieces = range(0, rows, _ROWS_AT_ONCE), np.array(state), {}
-    most = _MOST // len(starts)
+    most = 50_000_000 // len(starts)  # events; 2 GB while sorted
 
     def draw_rows(row: int) -> None:
         images = light, thresholds, state
         blocks = [np.array(image[:, row : row + _ROWS_AT_ONCE]) for image in images]
         flat = [block.reshape(len(block), -1) for block in blocks]
-        rng = generator(*key, row)
+        rng = streams.generator(*key, row)
         times, codes = run_pixels(rng, pixel, passage_tables(), part_s, *flat, most)
         if times.size >= most:
             raise ValueError(
@@ -219,7 +208,7 @@ def _draw_frame(
         pieces[row] = times, codes + 2 * row * columns
         after[:, row : row + _ROWS_AT_ONCE] = blocks[2]
 
-    over_frames(draw_rows, starts, rows * columns < _FEW_PIXELS)
+    streams.over_frames(draw_rows, starts, rows * columns < _FEW_PIXELS)
     times, codes = (np.concatenate(parts) for parts in zip(*map(pieces.get, starts), strict=True))
     return times, codes, after
 

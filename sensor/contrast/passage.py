@@ -33,8 +33,6 @@ _MOST_CHANGE = 0.5
 """Of ln λ in a step, in whose middle τ and σ are taken"""
 _NEGLIGIBLE = 18.0
 """Exponent of a crossing that is omitted"""
-_REDRAWN = 20
-"""Most draws of the end of a long step, which is within the barriers nearly always"""
 _FARTHEST = 9.0
 """Barrier beyond which rare passages are omitted, σ"""
 
@@ -110,7 +108,7 @@ def run_pixels(rng, parameters, tables, part_s, light, thresholds, state, most):
                         at = _bridge(rng, crossing, decay, h, tau)
                     if at < crossed:
                         crossed, polarity = at, sign
-                for _ in range(_REDRAWN if is_long and polarity == 0 else 0):
+                for _ in range(20 if is_long and polarity == 0 else 0):  # draws that mostly suffice
                     if off - closing * h < end < on - closing * h:
                         break  # the path ends without a crossing
                     end = u * decay + width * rng.standard_normal()

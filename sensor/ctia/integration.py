@@ -36,8 +36,6 @@ EARLY, LATE = 0.1, 0.9
 """Discharged fractions of the swing (output at 90 % and 10 %) between which time is measured."""
 
 STEPS = 64
-_NEWTON_STEPS = 100
-_RELATIVE_ERROR = 1e-12
 _LARGE, _TINY = 30.0, 1e-300
 _LITTLE = 0.01
 
@@ -98,7 +96,7 @@ def discharge_time(pixel: Pixel, photocurrent_a: Reals, discharged_v: Reals) -> 
         swing_s = np.minimum(charge / np.maximum(steady, 0.0), np.sqrt(2 * charge / growth))
     time = wait + swing_s + 0 * target
     seeking = np.isfinite(time)
-    for _ in range(_NEWTON_STEPS):
+    for _ in range(100):  # Newton steps
         # each pixel separately, so that results do not depend on which are computed together
         now = np.where(seeking, time, 0.0)
         volts = _free_discharge(pixel, photocurrent_a, now)
@@ -108,7 +106,7 @@ def discharge_time(pixel: Pixel, photocurrent_a: Reals, discharged_v: Reals) -> 
             step = pixel.capacitance_f * (target - volts) / (photocurrent_a + dark_a)
         step = np.where(seeking, step, 0.0)
         time = np.where(seeking, np.maximum(time + step, wait), time)
-        seeking &= np.abs(step) > _RELATIVE_ERROR * time
+        seeking &= np.abs(step) > 1e-12 * time  # relative error
         if not seeking.any():
             break
     return np.asarray(time)

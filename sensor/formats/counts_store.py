@@ -38,8 +38,6 @@ _MEANINGS = {
     "reading_variance": "{unit}² per exposure",
 }
 CHUNK_BYTES = 4 * 2**20
-_CHUNK_FRAMES = 16
-"""As many as the stages write at once: larger chunks would be read and written again."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -92,7 +90,8 @@ def counts_writer(
                 values_of[name] = getattr(exposure.expectation, name).astype(np.float32)
             for name, values in values_of.items():
                 if name not in arrays:
-                    most = min(frames, _CHUNK_FRAMES, CHUNK_BYTES // max(1, values[:1].nbytes))
+                    # the stages write 16 frames at once: larger chunks would be written again
+                    most = min(frames, 16, CHUNK_BYTES // max(1, values[:1].nbytes))
                     unit = origin.sensor.unit
                     event = "electrons" if unit == "electrons" else "events"
                     arrays[name] = group.create_array(

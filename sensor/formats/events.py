@@ -27,12 +27,9 @@ _NUMBERS = ("frames", "height", "width", "first_frame", "frame_period_ps")
 _TYPES = {"t": "<i8", "x": "<u2", "y": "<u2"}
 _VALUED = _TYPES | {"value": "<f4"}
 _FORMAT = "megalopta events"
-_CHUNK = 16384
 _UNITS = {"t": "ps", "x": "column", "y": "row", "p": "1: an avalanche", "value": "per binary frame"}
 _POLARITY = "1: ON, 0: OFF"
 _PS_PER_US = 10**6
-_DECODED_BYTES = 64
-"""Bytes that a reader makes of an event"""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -182,9 +179,8 @@ def read_events(path: str | Path) -> StoredEvents:
             types["p"] = "|u1"
         if is_in(file, "t_offset"):
             types["t"] = "<u4"
-        columns = {
-            name: numbers_in(file, f"events/{name}", "iuf", 1, _DECODED_BYTES) for name in types
-        }
+        # a reader makes 64 bytes of an event
+        columns = {name: numbers_in(file, f"events/{name}", "iuf", 1, 64) for name in types}
         starts = numbers_in(file, "frame_start", "i", 1)
         for key, stated in {**types, "starts": "<i8"}.items():
             column = columns.get(key, starts)
@@ -216,7 +212,7 @@ def read_events(path: str | Path) -> StoredEvents:
 
 def _dataset(file: h5py.File, name: str, dtype: str) -> h5py.Dataset:
     dataset = file.create_dataset(
-        f"events/{name}", (0,), dtype, maxshape=(None,), chunks=(_CHUNK,),
+        f"events/{name}", (0,), dtype, maxshape=(None,), chunks=(16384,),
         fletcher32=name != "p", fillvalue=int(name == "p"),
     )  # fmt: skip
     dataset.attrs["unit"] = _UNITS[name]

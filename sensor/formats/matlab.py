@@ -26,8 +26,6 @@ from megalopta.sensor.formats.recorded_frames import Stack, file_bytes
 SIGNATURE = b"MATLAB"
 _GATES = "Gate Images"
 _COMPRESSED, _HEAD_BYTES, _MOST_VARIABLES = 15, 128, 1000
-_FEWEST = 64
-"""Fewest pixels of a single frame"""
 _NUMBERS = ("double", "single", "int", "uint", "logical")
 
 
@@ -92,7 +90,8 @@ def _of_hdf5(file: h5py.File, name: str | None) -> dict[str, Any]:
 
 def _stack(arrays: Mapping[str, Any], source: str, name: str | None) -> Stack:
     stacks = [key for key in arrays if arrays[key].ndim == 3 and len(arrays[key]) > 1]
-    images = [key for key in arrays if arrays[key].ndim in (2, 3) and arrays[key].size >= _FEWEST]
+    # a single frame has at least 64 pixels
+    images = [key for key in arrays if arrays[key].ndim in (2, 3) and arrays[key].size >= 64]
     chosen = [name] if name else stacks or images
     if len(chosen) != 1 or chosen[0] not in arrays:
         listed = ", ".join(bounded.quoted(key, 40) for key in [*arrays][:9]) or "none"

@@ -16,7 +16,6 @@ from megalopta.sensor.formats.recorded_frames import Stack, file_bytes, opened_t
 
 Kind: TypeAlias = Literal["png", "tiff"]
 SUFFIXES: dict[Kind, tuple[str, ...]] = {"png": (".png",), "tiff": (".tif", ".tiff")}
-_MOST_PICTURES = 10**6
 
 
 @contextmanager
@@ -27,7 +26,7 @@ def opened(path: Path, kind: Kind) -> Iterator[Stack]:
     damaged or of another size.
     """
     files = parts_in(path, *SUFFIXES[kind])
-    check_count(path, "pictures", len(files), _MOST_PICTURES)
+    check_count(path, "pictures", len(files), 10**6)
     if not files:
         raise FileNotFoundError(f"{path}: no {kind} in this folder; give that of a recording")
     if kind == "tiff" and len(files) == 1:
@@ -61,6 +60,10 @@ def _decoded(path: Path, kind: Kind) -> tuple[NDArray[Any], Conditions]:
         depth = int(file_bytes(path)[24])  # bits of a number, in the header
         mode, numbers = image.mode, np.array(image)
         text = "\n".join(f"{key}: {value}" for key, value in image.info.items())
+    if (
+        mode == "RGB" and depth == 8 and not np.ptp(numbers, axis=-1).any()
+    ):  # gray, in three equal colors
+        mode, numbers = "L", numbers[..., 0]
     if mode not in ("1", "L", "P", "I", "I;16"):
         raise DamagedFileError(f"{path}: in color; give gray pictures")
     if mode == "L" and depth < 8:  # which Pillow scales to 8

@@ -14,16 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from megalopta.core.pictures import PNG_SIGNATURE
-from megalopta.sensor.formats import matlab, packed, pictures
+from megalopta.sensor.formats import matlab, packed, pictures, recorded_frames as recorded
 from megalopta.sensor.formats.events import HDF5_SIGNATURE
-from megalopta.sensor.formats.packed import Layout, raw_files
-from megalopta.sensor.formats.recorded_frames import (
-    RecordedFrames,
-    Stack,
-    Values,
-    file_bytes,
-    parts_in,
-)
 
 FrameKind: TypeAlias = Literal[
     "npy", "packed_npy", "spad512", "swissspad2", "swissspad2_whole", "swissspad2_counts", "spc3",
@@ -51,17 +43,17 @@ def read_frames(
     shape: tuple[int, int] | None = None,
     counter: int = 1,
     frames: slice = slice(None),
-    values: Values | None = None,
+    values: recorded.Values | None = None,
     variable: str | None = None,
-    layout: Layout | None = None,
-) -> RecordedFrames:
+    layout: packed.Layout | None = None,
+) -> recorded.RecordedFrames:
     """Read frames of any known format from a file, or a folder of raw files or pictures.
 
     `kind`: the format, by default detected from the content, `spad512` for files `RAW….bin`,
     `swissspad2_counts` for a folder of `topN.bin` and `btmN.bin`; `.npy` of numbers of 8 bits above
     1 needs `npy`, for counts, or `packed_npy`, for packed bits, unless `shape` or the name of a
     product says it. `shape`: (rows, columns) that are expected; `counter`: to read from a `.spc3`
-    file; `frames`: consecutive ones to read; `values`: bits or counts, by default told by the type
+    file; `frames`: consecutive ones to read; `values`: bits or counts, by default known by the type
     of numbers, or the numbers of the recording; `variable`: array of a `.mat` or HDF5 file;
     `layout`: that of `raw` files.
 
@@ -88,15 +80,15 @@ def read_frames(
     else:
         raise ValueError(f"{path}: raw frames; state their layout: rows, columns, bit_order, …")
     with opened as stack:
-        recorded = stack.frames(path, frames, values)
-    rows, columns = recorded.counts.shape[1:3]
+        recording = stack.frames(path, frames, values)
+    rows, columns = recording.counts.shape[1:3]
     if shape is not None and (rows, columns) != tuple(shape):
         is_turned = (columns, rows) == tuple(shape)
         remedy = "it is transposed: exchange its axes" if is_turned else "give another file"
         raise ValueError(
             f"{path}: images of {rows} × {columns}, not {shape[0]} × {shape[1]}; {remedy}"
         )
-    return recorded
+    return recording
 
 
 _LINE = 32
@@ -116,9 +108,9 @@ _HEADER = np.dtype(
 
 
 @contextmanager
-def _opened_spc3(path: Path, counter: int) -> Iterator[Stack]:
+def _opened_spc3(path: Path, counter: int) -> Iterator[recorded.Stack]:
     """Open the frames of one counter, 1 to 3, (T, 32, pixels/32); raises as `read_frames`."""
-    content = file_bytes(path)
+    content = recorded.file_bytes(path)
     if content[:8].tobytes() != _SPC3_SIGNATURE:
         raise ValueError(f"{path}: no .spc3 file of software 1.11 or later; give one")
     if content.size < _DATA:
@@ -159,15 +151,15 @@ def _opened_spc3(path: Path, counter: int) -> Iterator[Stack]:
         chosen = lines[part, counter - 1].swapaxes(1, 2)
         return np.ascontiguousarray(chosen).astype(dtype.newbyteorder("="))
 
-    yield Stack(
+    yield recorded.Stack(
         "spc3", total, pixels * dtype.itemsize, read, header["bits"], {"exposure_s": exposure_s}
     )
 
 
 def _kind(path: Path) -> FrameKind:
     suffixes = chain(*pictures.SUFFIXES.values())
-    first = (parts_in(path, *suffixes) or raw_files(path))[0]
-    beginning = file_bytes(first)[:8].tobytes()
+    first = (recorded.parts_in(path, *suffixes) or packed.raw_files(path))[0]
+    beginning = recorded.file_bytes(first)[:8].tobytes()
     for signature, kind in _SIGNATURES.items():
         if beginning.startswith(signature):
             return kind

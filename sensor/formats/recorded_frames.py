@@ -20,8 +20,6 @@ from megalopta.sensor.formats.conditions import Conditions, conditions_in
 
 Values: TypeAlias = Literal["counts", "bits"]
 ZEROS_AND_ONES = "all values are 0 or 1"
-_SAMPLED = 16
-"""Frames that tell counts from bits where only a part of a recording is read"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,7 +82,8 @@ class Stack:
             return RecordedFrames(numbers, self.bits, self.source, self.total, self.conditions)
         if numbers.dtype.kind == "i" and numbers.min(initial=0) < 0:
             raise ValueError(f"{path}: has counts below 0; give raw counts")
-        is_part, spacing = len(numbers) < self.total, -(-self.total // _SAMPLED)
+        # 16 frames tell counts from bits where only a part is read
+        is_part, spacing = len(numbers) < self.total, -(-self.total // 16)
         sampled = range(0, self.total, spacing) if is_part else ()
         seen = [numbers, *(self.read(slice(at, at + 1)) for at in sampled)]
         most = max(part.max(initial=0) for part in seen)
@@ -137,7 +136,6 @@ def parts_in(path: Path, *suffixes: str) -> list[Path]:
 _MOST_PAGES = 100_000
 _VALUE_BYTES = 24
 """Memory of a value of frames that are shown, besides the frames (bytes, measured)."""
-_LARGEST_TIFF = 4 * 10**9
 # Largest expansion of a deflate stream: a file does not justify more memory than that.
 _LARGEST_EXPANSION = 1032
 
@@ -150,7 +148,7 @@ def tiff_writer(
 
     `total_bytes` is the approximate size of all frames; `exposure_s` the exposure time, s.
     """
-    is_big = total_bytes > _LARGEST_TIFF
+    is_big = total_bytes > 4 * 10**9  # bytes, above which a TIFF is a BigTIFF
     metadata = {} if exposure_s is None else {"exposure_s": exposure_s}
     with (
         atomic_write(Path(path)) as temporary,

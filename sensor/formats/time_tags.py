@@ -16,14 +16,11 @@ from megalopta.core.progress import say
 from megalopta.sensor.formats.events import HDF5_SIGNATURE
 from megalopta.sensor.formats.recorded_frames import file_bytes
 
-_PTU_SIGNATURE = b"PQTTTR\0\0"
 _CONVERTERS, _PIXELS_EACH = 64, 4
 _CODE_S, _CLOCK_S = 2.5e-9 / 140, 7.5e-9
 """Steps of LinoSPAD2's converters, on average, and of its clock, s"""
 _DECODED_BYTES = 64
 """Bytes in memory of an event, while it is read and sorted"""
-_MOST_CHANNELS = 4096
-"""Every pair of channels has a number of coincidences."""
 
 
 class TimeTags(NamedTuple):
@@ -49,7 +46,7 @@ def read_time_tags(path: str | Path) -> TimeTags:
     """
     path = Path(path)
     beginning = file_bytes(path)[:8].tobytes()
-    if beginning == _PTU_SIGNATURE:
+    if beginning == b"PQTTTR\0\0":
         read = _ptu
     elif beginning == HDF5_SIGNATURE:
         read = _photon_hdf5
@@ -102,7 +99,7 @@ def _sorted(path: Path, tags: TimeTags) -> TimeTags:
     """Return events in the order of time; a duration of 0 is that from the first to the last."""
     if tags.time_s.size < 2:
         raise DamagedFileError(f"{path}: {tags.time_s.size} events; give a file with more")
-    bounded.check_count(path, "channels", tags.channels, _MOST_CHANNELS)
+    bounded.check_count(path, "channels", tags.channels, 4096)  # of which every pair has a number
     order = np.argsort(tags.time_s, kind="stable")
     time_s, channel = tags.time_s[order], tags.channel[order]
     if channel.min() < 0 or channel.max() >= tags.channels:
