@@ -160,8 +160,10 @@ class ArrayFrames(frames.Footage):
 
 def open_picture(path: Path, unit: frames.Unit | None) -> PictureFiles:
     """Return a picture as one frame. Raises UserError."""
-    footage = PictureFiles(path, (path,), unit, header_of(path))
-    footage.frame(0)  # reports errors of the file now
+    with ExitStack() as opened:
+        footage = opened.enter_context(PictureFiles(path, (path,), unit, header_of(path)))
+        footage.frame(0)  # reports errors of the file now
+        opened.pop_all()
     return footage
 
 
