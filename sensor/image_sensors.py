@@ -24,7 +24,7 @@ from megalopta.sensor.optics import PixelOptics, band_means, detected_rate
 from megalopta.sensor.spad.array import detection_rate
 from megalopta.sensor.spad.device import draw_fixed_pattern
 from megalopta.sensor.spad.model import Sensor
-from megalopta.sensor.spad.presets import PRESETS, with_files
+from megalopta.sensor.spad.presets import PRESETS, preset, with_files
 
 ImageSensor: TypeAlias = Annotated[
     Sensor | CtiaSensor | frame.FrameSensor | ContrastSensor, Field(discriminator="kind")
@@ -40,6 +40,17 @@ IMAGE_SENSORS: dict[str, ImageSensor] = {
 """Presets of all kinds by name, including entry points of other packages."""
 
 
+def is_device_file(name: object) -> bool:
+    """Return True for the path of a device's YAML file, False for the name of a preset."""
+    return str(name).endswith((".yaml", ".yml"))
+
+
+def spad_named(name: str) -> Sensor:
+    """Return a SPAD array's preset, or that of a YAML file. Raises ValueError if unknown."""
+    spad: Sensor = load_sensor(name, Sensor) if is_device_file(name) else preset(name)
+    return spad
+
+
 def load_sensor(path: str | Path, model: type[PixelOptics] = PixelOptics) -> Any:
     """Read a sensor, such as a measured device, from a YAML file.
 
@@ -53,7 +64,7 @@ def load_sensor(path: str | Path, model: type[PixelOptics] = PixelOptics) -> Any
         values = strict_yaml.load(read_text(path))
         if not isinstance(values, dict):
             raise ValueError("a sensor is a mapping of fields to values")
-        if str(values.get("preset")).endswith((".yaml", ".yml")):
+        if is_device_file(values.get("preset")):
             raise ValueError(f"preset {values['preset']!r}: a file; give the name of a preset")
         fields = sensor_fields(values, path.parent)
         if (kind := str(fields["kind"])) not in _KINDS:
@@ -77,8 +88,7 @@ def sensor_fields(stated: str | Mapping[str, Any], folder: Path | None) -> dict[
     changes = with_files({"preset": stated} if isinstance(stated, str) else stated, folder)
     if (name := changes.pop("preset", None)) is None:
         return {"kind": "spad", **changes}
-    is_file = str(name).endswith((".yaml", ".yml"))
-    base = sensor_named(named_path(str(name), folder) if is_file else str(name))
+    base = sensor_named(named_path(str(name), folder) if is_device_file(name) else str(name))
     return merged(base.model_dump(mode="json"), changes)
 
 
@@ -86,7 +96,7 @@ def sensor_named(sensor: ImageSensor | str | Path) -> ImageSensor:
     """Return a sensor, or the one with a name or of a YAML file. Raises ValueError if unknown."""
     if not isinstance(sensor, str | Path):
         return sensor
-    if (name := str(sensor)).endswith((".yaml", ".yml")):
+    if is_device_file(name := str(sensor)):
         loaded: ImageSensor = load_sensor(name)
         return loaded
     if name not in IMAGE_SENSORS:

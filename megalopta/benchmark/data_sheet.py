@@ -44,7 +44,7 @@ from megalopta.sensor import (
 )
 from megalopta.sensor.calibrate import emva as standard
 from megalopta.sensor.frame.model import FrameSensor
-from megalopta.sensor.image_sensors import IMAGE_SENSORS, sensor_named
+from megalopta.sensor.image_sensors import IMAGE_SENSORS, is_device_file, sensor_named
 from megalopta.sensor.optics import photon_rate
 from megalopta.sensor.spad.device import draw_fixed_pattern
 
@@ -127,7 +127,7 @@ def data_sheet(sensor: ImageSensor | str | Path, wavelength_nm: float | None = N
     """
     with refused_as("sensor"):
         named, stated = sensor_named(sensor), {"preset": sensor if isinstance(sensor, str) else ""}
-        if str(sensor).endswith((".yaml", ".yml")):
+        if is_device_file(sensor):
             stated = strict_yaml.load(read_text(Path(str(sensor))))
         if isinstance(named, ContrastSensor):
             raise ValueError(f"{named.name}: events of contrast have no wavelength; omit it")

@@ -21,7 +21,7 @@ from megalopta.core.progress import say, step
 from megalopta.core.quantities import number
 from megalopta.core.validation import merged
 from megalopta.report.sections import Section
-from megalopta.sensor import Afterpulsing, AnalogCounter, Crosstalk, Sensor, load_sensor, preset
+from megalopta.sensor import Afterpulsing, AnalogCounter, Crosstalk, Sensor
 from megalopta.sensor.calibrate import counts, crosstalk as estimates
 from megalopta.sensor.calibrate.device import AnalogDevice, calibrate_device
 from megalopta.sensor.calibrate.emva import Step
@@ -29,6 +29,7 @@ from megalopta.sensor.calibrate.level import Level
 from megalopta.sensor.calibrate.pixels import Estimate, Quantity
 from megalopta.sensor.calibrate.time_tags import Autocorrelation, fit_table
 from megalopta.sensor.effects import crosstalk
+from megalopta.sensor.image_sensors import is_device_file, spad_named
 
 _95 = 1.959964
 
@@ -71,13 +72,11 @@ def calibrate_recordings(
     base = base or ("spadcam" if True in kinds else "ideal")
     calibration_of = _of_recorded_codes if True in kinds else _of_recorded_counts
     with refused_as("calibrate"), step(f"estimating pixels from {len(sources)} recordings"):
-        is_file = base.endswith((".yaml", ".yml"))
-        sensor = load_sensor(base, Sensor) if is_file else preset(base)
-        calibration, shape, steps = calibration_of(sources, beam, sensor)
+        calibration, shape, steps = calibration_of(sources, beam, spad_named(base))
     write_device(out, calibration, base)
     with step("figures of EMVA 1288"):
         standard = pages.emva_section(out, shape, beam.wavelength_nm, steps)
-    if not is_file and base == "ideal":
+    if base == "ideal":
         say(f"{out}: pitch and lens are of {base}, the exposure of lit recordings; state yours in "
             "a .yaml file for --preset, another exposure as in `sense … --sensors "
             f"\"[{{preset: {out}, exposure_s: 0.01}}]\"`")  # fmt: skip
@@ -93,8 +92,8 @@ def write_device(path: Path, calibration: Calibration, base: str) -> None:
     file whose fields are copied, which supplies everything that is not measured.
     """
     stated: dict[str, Any] = {"preset": base}
-    if base.endswith((".yaml", ".yml")):
-        known = load_sensor(base, Sensor).model_dump(mode="json")
+    if is_device_file(base):
+        known = spad_named(base).model_dump(mode="json")
         known["measured"] = {name: file for name, file in known["measured"].items() if file}
         named = strict_yaml.load(read_text(Path(base)))
         stated = {name: known.get(name, value) for name, value in named.items()}

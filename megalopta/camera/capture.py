@@ -17,8 +17,9 @@ from megalopta.core.errors import UserError, machine_problem, refused_as
 from megalopta.core.files import remove
 from megalopta.core.folders import locked
 from megalopta.core.progress import say, working
-from megalopta.sensor import AnalogCounter, Sensor, changed, load_sensor, preset
+from megalopta.sensor import AnalogCounter, Sensor, changed
 from megalopta.sensor.formats import protocol
+from megalopta.sensor.image_sensors import spad_named
 
 _SHOW_EVERY_S = 0.1
 PATIENCE_S = 8.0
@@ -28,8 +29,7 @@ PATIENCE_S = 8.0
 def named_sensor(name: str) -> Sensor:
     """Return a preset, or the sensor of a YAML file. Raises UserError."""
     with refused_as("--sensor"):
-        is_file = name.endswith((".yaml", ".yml"))
-        return load_sensor(name, Sensor) if is_file else preset(name)
+        return spad_named(name)
 
 
 def sensor_as_set(

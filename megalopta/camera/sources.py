@@ -266,14 +266,8 @@ class Beam:
             )
         if self.area_mm2 is None:
             return light
-        return (
-            light
-            * nm
-            * 1e-9
-            / PLANCK_TIMES_LIGHT_SPEED
-            * sensor.pitch_m**2
-            / (self.area_mm2 * 1e-6)
-        )
+        of_beam_hz = light * nm * 1e-9 / PLANCK_TIMES_LIGHT_SPEED
+        return of_beam_hz * sensor.pitch_m**2 / (self.area_mm2 * 1e-6)
 
 
 @dataclass(frozen=True, eq=False)

@@ -24,7 +24,7 @@ from megalopta.dataset.flow_record import FlowRecord
 from megalopta.dataset.opened import open_dataset
 from megalopta.dataset.picture_light import clean_flow, light_of, photons_per_lux, resized
 from megalopta.dataset.sequence import Sequence
-from megalopta.dataset.store import exposure_name
+from megalopta.dataset.store import exposure_name, open_sequence
 from megalopta.flow import formats
 from megalopta.flow.color_wheel import flow_to_rgb
 from megalopta.flow.detectors.blocks import BlockDetector
@@ -141,11 +141,11 @@ def file_view(path: Path, treatment: Treatment, kind: FrameKind | None = None) -
 
 
 def sequence_view(root: Path, treatment: Treatment, name: str | None = None) -> View:
-    """Return the view of a sequence of a dataset, by default the first, with its finished stages.
+    """Return the view of a sequence of a dataset, by default the only, with its finished stages.
 
     Raises UserError if it is damaged, not rendered yet, or does not allow the treatment.
     """
-    sequence = open_dataset(root)[name or 0]
+    sequence = open_dataset(root)[name] if name else Sequence(open_sequence(root))
     settings, (height, width) = sequence.configuration, sequence.shape
     has_truth = settings.scene.has_truth
     if has_truth:

@@ -17,7 +17,6 @@ from megalopta.core.progress import progress
 from megalopta.core.quantities import number
 from megalopta.dataset.frames import read_truth_frame
 from megalopta.dataset.opened import open_dataset
-from megalopta.dataset.store import open_sequence
 from megalopta.report import images
 from megalopta.report.dataset_card import SHOWN, write_contact_sheet
 from megalopta.report.panels import LONGEST_SIDE_PX, MOST_FRAMES, View, file_view, sequence_view
@@ -69,11 +68,11 @@ def view(
     is_of_many = not thing.exists() and (thing.parent / "dataset.yaml").exists()
     thing, name = (thing.parent, thing.name) if is_of_many else (thing, None)
     is_dataset = (thing / "dataset.yaml").exists()
-    if is_dataset and name is None and len(open_dataset(thing)) > 1:
+    names = open_dataset(thing).names if is_dataset else ()
+    if name is None and len(names) > 1:
         if options != ViewOptions():
-            sequence = thing / open_dataset(thing).names[0]
             raise UserError(
-                f"{thing}: many sequences have no film; omit options, or view {sequence}"
+                f"{thing}: many sequences have no film; omit options, or view {thing / names[0]}"
             )
         return [write_contact_sheet(thing, SHOWN, folder)]
     if is_dataset and options.kind:
@@ -81,8 +80,6 @@ def view(
     bad = read_mask(options.bad_pixels) if options.bad_pixels else None
     treatment = Treatment(options.summed, options.is_inverted, bad)
     if is_dataset:
-        if not open_dataset(thing).names:
-            open_sequence(thing)  # says what to run
         shown = sequence_view(thing, treatment, name)
     else:
         shown = file_view(thing, treatment, options.kind)

@@ -323,8 +323,8 @@ def _explained(
     if not causes.accepted and (in_space or left):
         errors, is_left = _calibration_errors(levels), bool(left) or is_none
         causes = find_causes(levels, margin=margin, calibration=errors, is_left=is_left)
-        for explanation in causes.accepted[:1]:
-            levels = [as_explained(level, explanation) for level in levels]
+        if causes.accepted:
+            levels = [as_explained(level, causes.accepted[0]) for level in levels]
     is_much = is_none or causes.is_different or strength(left) > max(0.05 * gain, 100.0)
     faults = faults + in_space
     if causes.is_unexplained and is_much:
